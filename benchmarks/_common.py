@@ -1,0 +1,74 @@
+"""Timing, rows and clouds for the benchmarks."""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tr_grasp.modules.encoders import default_spec
+from tr_grasp.octree import OctreeFrame, OctreeSpec, octree_from_points
+
+SPEC = default_spec()
+
+
+def median_ms(*calls: Callable[[], Any], repeats: int = 15) -> list[float]:
+    """Median wall time of each call. They take turns, so that another load on the machine falls on all alike."""
+    times: list[list[float]] = [[] for _ in calls]
+    for repeat in range(repeats + 2):
+        for call, measured in zip(calls, times, strict=True):
+            start = time.perf_counter()
+            call()
+            if torch.cuda.is_available():
+                torch.cuda.synchronize()
+            if repeat >= 2:  # the first two warm caches up
+                measured.append((time.perf_counter() - start) * 1e3)
+    return [median(measured) for measured in times]
+
+
+def print_row(name: str, ms: float, peer: str | None = None, peer_ms: float | None = None, **more: Any) -> None:
+    """One JSON object on one line; ``ratio`` is how many times faster than the peer."""
+    row: dict[str, Any] = {"name": name, "median_ms": round(ms, 3)}
+    if peer is not None and peer_ms is not None:
+        row |= {"peer": peer, "peer_median_ms": round(peer_ms, 3), "ratio": round(peer_ms / ms, 2)}
+    print(json.dumps(row | more | {"machine": machine()}), flush=True)
+
+
+def machine() -> str:
+    """Processor, threads in use and torch version."""
+    processor = platform.processor() or platform.machine()
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        names = [line.split(":", 1)[1].strip() for line in cpuinfo.read_text().splitlines() if "model name" in line]
+        processor = names[0] if names else processor
+    return f"{processor}, {torch.get_num_threads()} thread(s), torch {torch.__version__}"
+
+
+def tabletop_cloud(rng: np.random.Generator, points_n: int = 1500) -> tuple[NDArray[np.float32], ...]:
+    """Points, normals, colours: a table and three boxes on it, seen from above."""
+    table = np.concatenate([rng.uniform(-0.5, 0.5, (points_n // 2, 2)) * SPEC.side_m, np.zeros((points_n // 2, 1))], 1)
+    points, normals = [table], [np.tile([0.0, 0.0, 1.0], (len(table), 1))]
+    for _ in range(3):
+        n = points_n // 6
+        normal = np.eye(3)[rng.integers(0, 3, n)]
+        on_box = np.where(normal == 1, 1.0, rng.uniform(-1, 1, (n, 3)))
+        half = rng.uniform(0.015, 0.035, 3)
+        points.append(on_box * half + np.r_[rng.uniform(-0.08, 0.08, 2), half[2]])
+        normals.append(normal)
+    xyz = np.concatenate(points) + np.r_[SPEC.centre_m[:2], 0.0]
+    colours = rng.uniform(size=xyz.shape)
+    return xyz.astype(np.float32), np.concatenate(normals).astype(np.float32), colours.astype(np.float32)
+
+
+def tabletop_frames(frames_n: int, spec: OctreeSpec = SPEC) -> OctreeFrame:
+    """Frames ``(frames_n,)`` of about 340 leaves."""
+    rng = np.random.default_rng(0)
+    return torch.stack([octree_from_points(*tabletop_cloud(rng), spec) for _ in range(frames_n)])

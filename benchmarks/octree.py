@@ -1,0 +1,113 @@
+"""Speed of the octree operators: ``python -m benchmarks.octree``.
+
+Prints JSON rows. Peers: dense convolution of the same widths, and ``ocnn`` if it is installed.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+import torch
+from torch import nn
+
+from benchmarks import _ocnn
+from benchmarks._common import SPEC, median_ms, print_row, tabletop_cloud, tabletop_frames
+from tr_grasp.octree import (
+    Octree,
+    OctreeConv,
+    OctreePool,
+    octree_from_points,
+    octree_to_voxels,
+    random_elements,
+    turn_frames,
+)
+
+
+def collate(frames, with_neighbours: bool = True) -> Octree:
+    octree = Octree(frames, SPEC.depth)
+    octree.leaf_features()
+    for depth in (SPEC.depth, SPEC.depth - 1):
+        octree.children(depth - 1)
+        if with_neighbours:
+            _ = octree.level(depth).neighbours
+    return octree
+
+
+def bench_build(batch_n: int) -> None:
+    rng = np.random.default_rng(0)
+    clouds = [tabletop_cloud(rng) for _ in range(batch_n)]
+    print_row("points to stored octree, one cloud", *median_ms(lambda: octree_from_points(*clouds[0], SPEC)))
+    ocnn = _ocnn.import_ocnn()
+
+    def ours() -> torch.Tensor:
+        return torch.stack([octree_from_points(*cloud, SPEC) for cloud in clouds])
+
+    if ocnn is None:
+        print_row("points to stored octrees", *median_ms(ours), batch=batch_n)
+        return
+    ours_ms, peer_ms, merge_ms = median_ms(
+        ours,
+        lambda: ocnn.octree.merge_octrees([_ocnn.build_octree(ocnn, cloud, SPEC) for cloud in clouds]),
+        lambda: _ocnn.merge(ocnn, [_ocnn.build_octree(ocnn, cloud, SPEC) for cloud in clouds]),
+    )
+    print_row("points to stored octrees", ours_ms, "ocnn build + merge", peer_ms, batch=batch_n)
+    frames = ours()
+    collate_ms, *_ = median_ms(lambda: collate(frames))
+    print_row(
+        "points to merged octree with neighbours",
+        ours_ms + collate_ms,
+        "ocnn build + merge + neighbours",
+        merge_ms,
+        batch=batch_n,
+    )
+
+
+def bench_structure(batch_n: int) -> None:
+    frames = tabletop_frames(batch_n)
+    leaves_n = round(float(frames.leaves_n.float().mean()))
+    elements = random_elements(batch_n)
+    rows = {
+        "collate, parents and children": lambda: collate(frames, with_neighbours=False),
+        "collate, with neighbours of depths 4 and 3": lambda: collate(frames),
+        "turn by a random symmetry": lambda: turn_frames(elements, frames, SPEC),
+    }
+    for (name, _), ms in zip(rows.items(), median_ms(*rows.values()), strict=True):
+        print_row(name, ms, batch=batch_n, leaves=leaves_n)
+
+
+def bench_operators(batch_n: int) -> None:
+    octree = collate(tabletop_frames(batch_n))
+    for depth, inputs, outputs in ((4, 7, 32), (4, 32, 32), (3, 32, 64)):
+        conv, dense = OctreeConv(inputs, outputs), nn.Conv3d(inputs, outputs, 3, padding=1, bias=False)
+        x = torch.randn(octree.level(depth).nodes_n, inputs, requires_grad=True)
+        grid = octree_to_voxels(x.detach(), octree, depth).requires_grad_()
+        ours_ms, peer_ms = median_ms(
+            lambda conv=conv, x=x, depth=depth: conv(x, octree, depth).sum().backward(),
+            lambda dense=dense, grid=grid: dense(grid).sum().backward(),
+            repeats=9,
+        )
+        name = f"conv {inputs}->{outputs} at depth {depth}, forward + backward"
+        print_row(name, ours_ms, "dense Conv3d", peer_ms, batch=batch_n)
+    pool, x = OctreePool(), torch.randn(octree.level(4).nodes_n, 32, requires_grad=True)
+    grid = octree_to_voxels(x.detach(), octree, 4).requires_grad_()
+    ours_ms, peer_ms = median_ms(
+        lambda: pool(x, octree, 4).sum().backward(), lambda: nn.functional.max_pool3d(grid, 2).sum().backward()
+    )
+    print_row("max pool 32 at depth 4, forward + backward", ours_ms, "dense MaxPool3d", peer_ms, batch=batch_n)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--batch", type=int, default=32)
+    parser.add_argument("--threads", type=int, default=1)
+    args = parser.parse_args()
+    torch.set_num_threads(args.threads)
+    torch.manual_seed(0)
+    bench_build(args.batch)
+    bench_structure(args.batch)
+    bench_operators(args.batch)
+
+
+if __name__ == "__main__":
+    main()

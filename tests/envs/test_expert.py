@@ -1,0 +1,61 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tr_grasp.configs import ActionCfg
+from tr_grasp.envs.expert import CLOSE, OPEN, ToolState, choose_grasp, expert_action
+from tr_grasp.grasps import TopDownGrasps
+
+ACTION = ActionCfg()
+TARGET = np.array([0.5, 0.0, 0.03])
+
+
+def tool(position, yaw=0.0, closing=False, opening=0.08) -> ToolState:
+    return ToolState(np.array(position, float), yaw, closing, False, opening)
+
+
+def fly(position, yaw, target_yaw, width=0.05, steps=40):
+    """Follow the expert with perfect motion; the poses on the way and the last action."""
+    position, path = np.array(position, float), []
+    for _ in range(steps):
+        action = expert_action(tool(position, yaw), TARGET, target_yaw, width, ACTION)
+        path.append((position.copy(), yaw))
+        if action[4] == CLOSE:
+            return path, action
+        position = position + action[:3] * ACTION.translation_step_m
+        yaw += action[3] * ACTION.yaw_step_rad
+    return path, action
+
+
+@given(x=st.floats(0.38, 0.62), y=st.floats(-0.12, 0.12), z=st.floats(0.02, 0.25), yaw=st.floats(-1.8, 1.8), goal=st.floats(0, 3.1))
+def test_from_anywhere_the_expert_closes_at_the_grasp_within_ten_seconds(x, y, z, yaw, goal):
+    path, action = fly([x, y, z], yaw, goal)
+    assert action[4] == CLOSE
+    position, final_yaw = path[-1]
+    assert np.linalg.norm(position - TARGET) < 0.02
+    assert abs(np.sin(final_yaw - goal)) < np.sin(0.36)
+
+
+@given(x=st.floats(0.38, 0.62), y=st.floats(-0.12, 0.12))
+def test_the_tool_comes_down_only_where_it_is_above_the_grasp(x, y):
+    for position, _ in fly([x, y, 0.2], 0.0, 0.0)[0]:
+        sideways = np.linalg.norm(position[:2] - TARGET[:2])
+        assert position[2] >= TARGET[2] + min(0.08, 1.6 * (sideways - 0.012)) - 1e-6
+
+
+def test_a_gripper_that_closed_on_nothing_opens_and_rises():
+    action = expert_action(tool(TARGET, closing=True, opening=0.0), TARGET, 0.0, 0.05, ACTION)
+    assert action[4] == OPEN and action[2] > 0
+
+
+def test_the_nearer_of_two_equal_grasps_is_chosen():
+    two = TopDownGrasps(
+        np.array([[0.4, 0, 0.03], [0.6, 0, 0.03]]), np.zeros(2), np.full(2, 0.04), np.ones(2), np.arange(2)
+    )
+    assert choose_grasp(two, tool([0.45, 0, 0.2])) == 0
+    assert choose_grasp(two, tool([0.55, 0, 0.2])) == 1
+
+
+def test_without_a_grasp_there_is_no_choice():
+    none = TopDownGrasps(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, int))
+    assert choose_grasp(none, tool([0.5, 0, 0.2])) is None

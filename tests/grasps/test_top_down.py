@@ -1,0 +1,79 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tr_grasp.geometry import wrap_half_turn
+from tr_grasp.grasps import GripperShape, HeightMap, top_down_grasps
+from tr_grasp.grasps.top_down import _max_over_offsets
+
+CELL = 0.004
+N = 81
+AXIS = (np.arange(N) - (N - 1) / 2) * CELL
+
+
+def scene(*blocks: tuple[float, float, float, float, float, float]) -> tuple[HeightMap, np.ndarray]:
+    """A height map of blocks (x, y, length, width, height, yaw) and their centres."""
+    x, y = np.meshgrid(AXIS, AXIS, indexing="ij")
+    height, owner = np.zeros((N, N)), np.full((N, N), -1)
+    for index, (cx, cy, length, width, top, yaw) in enumerate(blocks):
+        u = (x - cx) * np.cos(yaw) + (y - cy) * np.sin(yaw)
+        w = -(x - cx) * np.sin(yaw) + (y - cy) * np.cos(yaw)
+        inside = (np.abs(u) <= length / 2) & (np.abs(w) <= width / 2)
+        height = np.where(inside & (top > height), top, height)
+        owner = np.where(inside & (top >= height), index, owner)
+    return HeightMap(height, owner, (AXIS[0], AXIS[0]), CELL), np.array([block[:2] for block in blocks])
+
+
+@settings(max_examples=20)
+@given(x=st.floats(-0.06, 0.06), y=st.floats(-0.06, 0.06), yaw=st.floats(0, 3.1))
+def test_a_long_block_is_taken_across_near_its_middle_wherever_it_lies(x, y, yaw):
+    grasps = top_down_grasps(*scene((x, y, 0.13, 0.04, 0.05, yaw)))
+    assert len(grasps)
+    assert np.linalg.norm(grasps.position[0, :2] - [x, y]) < 0.02
+    assert abs(wrap_half_turn(grasps.yaw_rad[0] - (yaw + np.pi / 2))) < 0.35  # 11 degree steps, 4 mm cells
+    assert abs(grasps.width_m[0] - 0.04) <= 0.013
+
+
+def test_the_depth_is_set_by_the_palm_for_a_tall_block_and_by_the_table_for_a_flat_one():
+    gripper = GripperShape()
+    tall = top_down_grasps(*scene((0, 0, 0.04, 0.04, 0.12, 0)))
+    flat = top_down_grasps(*scene((0, 0, 0.06, 0.04, 0.02, 0)), lowest_tcp_m=0.012)
+    np.testing.assert_allclose(tall.position[0, 2], 0.12 - gripper.palm_above_tcp_m + gripper.clearance_m, atol=1e-9)
+    # fingertips 9.5 mm under the tcp keep 3 mm over the table
+    np.testing.assert_allclose(flat.position[0, 2], 0.0125, atol=1e-9)
+
+
+def test_a_block_wider_than_the_opening_cannot_be_taken():
+    assert len(top_down_grasps(*scene((0, 0, 0.12, 0.12, 0.05, 0)))) == 0
+
+
+def test_an_empty_table_offers_nothing():
+    assert len(top_down_grasps(HeightMap(np.zeros((N, N)), np.full((N, N), -1), (AXIS[0], AXIS[0]), CELL), np.zeros((0, 2)))) == 0
+
+
+def test_a_wall_beside_a_block_turns_the_grasp_or_lifts_it():
+    walled = top_down_grasps(*scene((0, 0, 0.05, 0.04, 0.05, 0), (0, 0.035, 0.16, 0.02, 0.05, 0)))
+    of_block = walled.owner == 0
+    across = np.abs(wrap_half_turn(walled.yaw_rad - np.pi / 2)) < 0.2
+    deep = walled.position[:, 2] < 0.04
+    assert of_block.any()
+    assert not (of_block & across & deep & (np.abs(walled.width_m - 0.04) < 0.01)).any()
+
+
+def test_grasps_come_best_first_and_name_their_object():
+    grasps = top_down_grasps(*scene((-0.06, 0, 0.04, 0.04, 0.05, 0), (0.06, 0, 0.04, 0.04, 0.05, 0)))
+    assert (np.diff(grasps.score) <= 0).all()
+    np.testing.assert_array_equal(np.sign(grasps.position[:, 0]), np.where(grasps.owner == 1, 1, -1))
+
+
+@given(seed=st.integers(0, 1000), first=st.integers(1, 4), extra=st.integers(0, 3))
+def test_the_finger_footprint_is_the_slow_maximum(seed, first, extra):
+    values = np.random.default_rng(seed).uniform(0, 1, (15, 3))
+    last = first + extra
+    slow = np.zeros_like(values)
+    for i in range(15):
+        for distance in range(first, last + 1):
+            for k in (i - distance, i + distance):
+                if 0 <= k < 15:
+                    slow[i] = np.maximum(slow[i], values[k])
+    np.testing.assert_array_equal(_max_over_offsets(values, first, last), slow)

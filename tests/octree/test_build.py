@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.octree.clouds import SPEC, Cloud, random_cloud
+from tr_grasp.octree import OctreeFrame, OctreeSpec, octree_from_points
+from tr_grasp.octree.morton import encode_cells
+
+UNIT = OctreeSpec(origin_m=(0.0, 0.0, 0.0), side_m=8.0, depth=3, leaf_capacity=16)
+"""Leaves of 1 m, so that expected values can be read off."""
+
+UP = [0.0, 0.0, 1.0]
+GREY = [0.5, 0.5, 0.5]
+
+
+def slow_octree(cloud: Cloud, spec: OctreeSpec) -> dict[int, list[float]]:
+    """Leaf features by code, from the definition, one point at a time."""
+    members = defaultdict(list)
+    for point, normal, colour in zip(*cloud, strict=True):
+        place = (point - np.array(spec.origin_m)) / spec.leaf_m
+        cell = np.floor(place).astype(int)
+        if ((cell >= 0) & (cell < spec.cells_n)).all():
+            members[tuple(cell)].append((place, normal, colour))
+    leaves = {}
+    for cell, rows in members.items():
+        bits = [format(c, f"0{spec.depth}b") for c in cell]
+        code = int("".join(x + y + z for x, y, z in zip(*bits, strict=True)), 2)
+        normal = np.sum([row[1] for row in rows], axis=0)
+        normal = normal / np.linalg.norm(normal)
+        mean = np.mean([row[0] for row in rows], axis=0)
+        distance = 2 / np.sqrt(3) * np.dot(mean - np.floor(mean) - 0.5, normal)
+        leaves[code] = [*normal, distance, *np.mean([row[2] for row in rows], axis=0)]
+    return leaves
+
+
+def as_dict(frame: OctreeFrame) -> dict[int, list[float]]:
+    n = int(frame.leaves_n)
+    return dict(zip(frame.codes[:n].tolist(), frame.features[:n].tolist(), strict=True))
+
+
+@given(seed=st.integers(0, 10_000), n=st.integers(1, 400), depth=st.sampled_from([3, 4, 5]))
+def test_a_frame_holds_what_the_definition_says(seed: int, n: int, depth: int) -> None:
+    spec = OctreeSpec(SPEC.origin_m, SPEC.side_m, depth)
+    cloud = random_cloud(seed, n, spec, spread=1.1)
+    expected, built = slow_octree(cloud, spec), octree_from_points(*cloud, spec)
+    assert built.codes[: len(expected)].tolist() == sorted(expected)
+    assert (built.codes[len(expected) :] == -1).all()
+    assert (built.features[len(expected) :] == 0).all()
+    for code, features in as_dict(built).items():
+        np.testing.assert_allclose(features, expected[code], atol=1e-3)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_the_order_of_the_points_does_not_matter(seed: int) -> None:
+    cloud = random_cloud(seed, 300, spread=0.3)
+    order = np.random.default_rng(seed).permutation(300)
+    a, b = octree_from_points(*cloud, SPEC), octree_from_points(*(array[order] for array in cloud), SPEC)
+    assert torch.equal(a.codes, b.codes)
+    torch.testing.assert_close(a.features, b.features, atol=1e-3, rtol=0)  # a sum may round to the other float16
+
+
+def test_two_points_in_a_leaf_worked_by_hand() -> None:
+    points = [[1.5, 2.5, 4.25], [1.5, 2.5, 4.75 + 0.1]]
+    frame = octree_from_points(points, [UP, UP], [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], UNIT)
+    # x = 001, y = 010, z = 100: the triples, from the highest bit on, are (0 0 1), (0 1 0), (1 0 0).
+    assert frame.codes.tolist() == [0b001_010_100] + [-1] * 15
+    distance = 2 / np.sqrt(3) * 0.05
+    np.testing.assert_allclose(frame.features[0], [0, 0, 1, distance, 0.5, 0, 0.5], atol=1e-3)
+
+
+def test_x_is_the_most_significant_bit_of_a_triple() -> None:
+    assert encode_cells(np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [2, 0, 0]]), 3).tolist() == [4, 2, 1, 32]
+
+
+def test_the_signed_distance_is_one_at_the_corner_to_which_the_normal_points() -> None:
+    diagonal = np.ones(3) / np.sqrt(3)
+    frame = octree_from_points([[0.9999] * 3, [1.0001] * 3], [diagonal] * 2, [GREY] * 2, UNIT)
+    np.testing.assert_allclose(frame.features[:2, 3], [1.0, -1.0], atol=1e-3)
+
+
+def test_opposite_normals_leave_the_first_one() -> None:
+    down = [0.0, 0.0, -1.0]
+    points = [[5.5, 5.5, 5.5], [0.5, 0.5, 0.5], [0.5, 0.5, 0.5]]
+    frame = octree_from_points(points, [UP, down, UP], [GREY] * 3, UNIT)
+    assert frame.features[0, :3].tolist() == down
+
+
+def test_points_outside_and_rows_that_are_not_finite_are_left_out() -> None:
+    inside = [0.5, 0.5, 0.5]
+    points = [inside, [8.0, 1, 1], [-0.001, 1, 1], [np.nan, 1, 1], [np.inf, 1, 1], inside, inside]
+    normals = [UP] * 5 + [[np.nan, 0, 1], UP]
+    colours = [[0.25] * 3] * 6 + [[-np.inf, 0, 0]]
+    frame = octree_from_points(points, normals, colours, UNIT)
+    assert as_dict(frame) == {0: [0, 0, 1, 0, 0.25, 0.25, 0.25]}
+
+
+def test_points_on_the_lower_faces_belong_to_the_cube_and_on_the_upper_faces_not() -> None:
+    frame = octree_from_points([[0.0, 0.0, 0.0], [8.0, 8.0, 8.0]], [UP] * 2, [GREY] * 2, UNIT)
+    assert frame.codes[:2].tolist() == [0, -1]
+
+
+@pytest.mark.parametrize("far", [[], [[100.0, 0, 0]], [[np.nan] * 3]])
+def test_nothing_in_the_cube_gives_an_empty_frame(far: list[list[float]]) -> None:
+    points = np.array(far).reshape(-1, 3)
+    frame = octree_from_points(points, points, points, SPEC)
+    assert int(frame.leaves_n) == 0
+    assert torch.equal(frame.features, torch.zeros(512, 7, dtype=torch.float16))
+
+
+def test_a_full_frame_keeps_the_leaves_with_most_points_and_then_the_smaller_codes() -> None:
+    spec = OctreeSpec(UNIT.origin_m, UNIT.side_m, depth=3, leaf_capacity=3)
+    z = [0.5, 1.5, 1.5, 2.5, 3.5, 3.5, 3.5, 4.5]  # points in the leaves 0, 1, 8, 9 and 64: 1, 2, 1, 3 and 1
+    frame = octree_from_points([[0.5, 0.5, h] for h in z], [UP] * 8, [GREY] * 8, spec)
+    assert frame.codes.tolist() == [0, 1, 9]
+    np.testing.assert_allclose(frame.features[:, 3], 0, atol=1e-3)
+
+
+def test_numpy_and_torch_of_any_float_type_agree() -> None:
+    cloud = random_cloud(3)
+    single = [array.astype(np.float32) for array in cloud]
+    a = octree_from_points(*single, SPEC)
+    b = octree_from_points(*(torch.from_numpy(array) for array in single), SPEC)
+    assert torch.equal(a.codes, b.codes)
+    assert torch.equal(a.features, b.features)
+
+
+def test_building_does_not_change_its_input() -> None:
+    cloud = random_cloud(4)
+    before = [array.copy() for array in cloud]
+    octree_from_points(*cloud, SPEC)
+    for array, copy in zip(cloud, before, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
+def test_without_colour_a_leaf_has_four_channels_and_they_are_the_same() -> None:
+    cloud = random_cloud(5)
+    spec = OctreeSpec(SPEC.origin_m, SPEC.side_m, colour=False)
+    assert spec.channels == 4
+    plain = octree_from_points(cloud.points, cloud.normals, None, spec)
+    assert torch.equal(plain.features, octree_from_points(*cloud, SPEC).features[:, :4])
+
+
+@pytest.mark.parametrize(
+    ("normals", "colours", "culprit"),
+    [(np.zeros((4, 3)), np.zeros((5, 3)), "normals"), (np.zeros((5, 3)), np.zeros((5, 4)), "colours")],
+)
+def test_arrays_that_do_not_belong_together_are_named(normals, colours, culprit: str) -> None:
+    with pytest.raises(ValueError, match=f"{culprit} must have shape"):
+        octree_from_points(np.zeros((5, 3)), normals, colours, SPEC)
+
+
+def test_missing_colours_are_an_error_where_the_spec_stores_them() -> None:
+    with pytest.raises(ValueError, match="colours"):
+        octree_from_points(np.zeros((1, 3)), np.zeros((1, 3)), None, SPEC)

@@ -1,0 +1,238 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from tests.octree.clouds import SPEC, random_frames
+from tr_grasp.errors import ConfigError
+from tr_grasp.octree import (
+    Octree,
+    OctreeConv,
+    OctreeDeconv,
+    OctreeFrame,
+    OctreePool,
+    octree_conv,
+    octree_deconv,
+    octree_join_children,
+    octree_pool,
+    octree_to_voxels,
+)
+from tr_grasp.octree import gather_conv as gather_conv_module
+from tr_grasp.octree.gather_conv import GatherConv, adjoint_table
+
+NODE_SETS = ["occupied", "siblings"]
+
+
+def make_octree(node_set: str, batch_n: int = 3, n: int = 150) -> Octree:
+    return Octree(random_frames(batch_n, n=n), SPEC.depth, node_set)
+
+
+def at_nodes(grid: Tensor, octree: Octree, depth: int) -> Tensor:
+    """Read ``(batch, channels, x, y, z)`` at the nodes, by their cells."""
+    level = octree.level(depth)
+    x, y, z = level.cells.unbind(1)
+    return grid[level.samples, :, x, y, z]
+
+
+def slow_grid(features: Tensor, octree: Octree, depth: int, fill: float = 0.0) -> Tensor:
+    level = octree.level(depth)
+    grid = features.new_full((octree.batch_n, features.shape[1], *[2**depth] * 3), fill)
+    for row, (sample, (x, y, z)) in enumerate(zip(level.samples.tolist(), level.cells.tolist(), strict=True)):
+        grid[sample, :, x, y, z] = features[row]
+    return grid
+
+
+def dense_weight(weight: Tensor) -> Tensor:
+    """``(taps, in, out)`` as ``Conv3d.weight``."""
+    side = round(len(weight) ** (1 / 3))
+    return weight.view(side, side, side, *weight.shape[1:]).permute(4, 3, 0, 1, 2)
+
+
+def assert_same_values_and_gradients(fast: Callable, slow: Callable, *inputs: Tensor) -> None:
+    for tensor in inputs:
+        tensor.requires_grad_()
+    a, b = fast(*inputs), slow(*inputs)
+    torch.testing.assert_close(a, b)
+    direction = torch.randn_like(a)
+    for grad_a, grad_b in zip(
+        torch.autograd.grad(a, inputs, direction), torch.autograd.grad(b, inputs, direction), strict=True
+    ):
+        torch.testing.assert_close(grad_a, grad_b)
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+@pytest.mark.parametrize("depth", [2, 3, 4])
+def test_voxels_hold_the_nodes_at_their_cells(node_set: str, depth: int) -> None:
+    octree = make_octree(node_set)
+    features = torch.randn(octree.level(depth).nodes_n, 2)
+    assert torch.equal(octree_to_voxels(features, octree, depth), slow_grid(features, octree, depth))
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+@pytest.mark.parametrize("taps", [1, 27])
+@pytest.mark.parametrize("stride", [1, 2])
+def test_convolution_equals_the_dense_one_at_the_nodes(node_set: str, taps: int, stride: int) -> None:
+    octree = make_octree(node_set)
+    features = torch.randn(octree.level(4).nodes_n, 3, dtype=torch.float64)
+    weight = torch.randn(taps, 3, 5, dtype=torch.float64)
+
+    def dense(features: Tensor, weight: Tensor) -> Tensor:
+        grid = octree_to_voxels(features, octree, 4)
+        grid = F.conv3d(grid, dense_weight(weight), stride=stride, padding=1 if taps == 27 else 0)
+        return at_nodes(grid, octree, 4 if stride == 1 else 3)
+
+    assert_same_values_and_gradients(lambda x, w: octree_conv(x, w, octree, 4, stride), dense, features, weight)
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+@pytest.mark.parametrize("taps", [1, 27])
+def test_deconvolution_equals_the_dense_transposed_one_at_the_nodes(node_set: str, taps: int) -> None:
+    octree = make_octree(node_set)
+    features = torch.randn(octree.level(3).nodes_n, 3, dtype=torch.float64)
+    weight = torch.randn(taps, 3, 5, dtype=torch.float64)
+
+    def dense(features: Tensor, weight: Tensor) -> Tensor:
+        grid = octree_to_voxels(features, octree, 3)
+        kernel = dense_weight(weight).transpose(0, 1)
+        padding = 1 if taps == 27 else 0
+        grid = F.conv_transpose3d(grid, kernel, stride=2, padding=padding, output_padding=1)
+        return at_nodes(grid, octree, 4)
+
+    assert_same_values_and_gradients(lambda x, w: octree_deconv(x, w, octree, 3), dense, features, weight)
+
+
+def test_a_single_tap_moves_features_to_the_next_cell_along_x() -> None:
+    codes = torch.full((1, 512), -1, dtype=torch.int16)
+    codes[0, :2] = torch.tensor([0, 4])  # cells (0, 0, 0) and (1, 0, 0)
+    frame = OctreeFrame(codes=codes, features=torch.zeros(1, 512, 7, dtype=torch.float16), batch_size=[1])
+    weight = torch.zeros(27, 1, 1)
+    weight[4] = 1.0  # row-major: x - 1, same y, same z
+    out = octree_conv(torch.tensor([[5.0], [7.0]]), weight, Octree(frame, SPEC.depth), 4)
+    assert out.tolist() == [[0.0], [5.0]]
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+@pytest.mark.parametrize("depth", [4, 3, 2])
+def test_pooling_equals_the_dense_one_over_the_children_that_exist(node_set: str, depth: int) -> None:
+    octree = make_octree(node_set)
+    features = torch.randn(octree.level(depth).nodes_n, 3, dtype=torch.float64)
+    some_child = at_nodes(
+        F.max_pool3d(octree_to_voxels(torch.ones_like(features), octree, depth), 2), octree, depth - 1
+    )
+
+    def dense_max(features: Tensor) -> Tensor:
+        grid = F.max_pool3d(slow_grid(features, octree, depth, fill=-torch.inf), 2)
+        return at_nodes(grid, octree, depth - 1).masked_fill(some_child == 0, 0)
+
+    def dense_average(features: Tensor) -> Tensor:
+        sums = F.avg_pool3d(octree_to_voxels(features, octree, depth), 2)
+        counts = F.avg_pool3d(octree_to_voxels(torch.ones_like(features), octree, depth), 2)
+        return at_nodes(sums / counts.clamp_min(1e-9), octree, depth - 1)
+
+    assert_same_values_and_gradients(lambda x: octree_pool(x, octree, depth, "max"), dense_max, features)
+    assert_same_values_and_gradients(lambda x: octree_pool(x, octree, depth, "average"), dense_average, features)
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+def test_joined_children_times_a_matrix_is_a_dense_convolution_of_kernel_and_stride_two(node_set: str) -> None:
+    octree = make_octree(node_set)
+    features = torch.randn(octree.level(4).nodes_n, 3, dtype=torch.float64)
+    weight = torch.randn(8, 3, 5, dtype=torch.float64)
+
+    def dense(features: Tensor, weight: Tensor) -> Tensor:
+        grid = F.conv3d(octree_to_voxels(features, octree, 4), dense_weight(weight), stride=2)
+        return at_nodes(grid, octree, 3)
+
+    assert_same_values_and_gradients(
+        lambda x, w: octree_join_children(x, octree, 4) @ w.flatten(0, 1), dense, features, weight
+    )
+
+
+@pytest.mark.parametrize("taps_about", ["self", "first child"])
+def test_gradients_of_the_gather_are_those_of_finite_differences(taps_about: str) -> None:
+    octree = make_octree("occupied", batch_n=1, n=12)
+    table, adjoint = octree.level(4).neighbours, None
+    if taps_about == "first child":
+        table, adjoint = octree.strided_tables(4, 27)
+    features = torch.randn(octree.level(4).nodes_n, 2, dtype=torch.float64, requires_grad=True)
+    weight = torch.randn(27, 2, 2, dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda x, w: GatherConv.apply(x, w, table, adjoint), (features, weight))
+    assert torch.autograd.gradcheck(lambda w: GatherConv.apply(features.detach(), w, table, adjoint), (weight,))
+
+
+def test_the_adjoint_of_a_small_table_worked_by_hand() -> None:
+    table = torch.tensor([[0, 3], [2, 0]], dtype=torch.int32)  # 2 outputs, 2 taps, 3 inputs; 3 reads nothing
+    assert adjoint_table(table, 3).tolist() == [[0, 1], [2, 2], [1, 2]]
+
+
+def test_chunks_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    octree = make_octree("occupied")
+    features = torch.randn(octree.level(4).nodes_n, 3, requires_grad=True)
+    conv = OctreeConv(3, 4)
+    results = []
+    for rows in (7, 100_000):
+        monkeypatch.setitem(gather_conv_module._CHUNK_ROWS, "cpu", rows)
+        out = conv(features, octree, 4)
+        results.append((out, *torch.autograd.grad(out.square().sum(), (features, conv.weight))))
+    for a, b in zip(*results, strict=True):
+        torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4)
+
+
+def test_operators_run_under_autocast_and_keep_float32_weights() -> None:
+    octree = make_octree("occupied")
+    conv, up, pool = OctreeConv(7, 8, bias=True), OctreeDeconv(8, 4), OctreePool()
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        fine = conv(octree.node_features(), octree, 4)
+        out = up(pool(fine, octree, 4), octree, 3)
+    assert out.dtype == torch.bfloat16
+    out.float().square().sum().backward()
+    assert conv.weight.grad is not None
+    assert conv.weight.grad.dtype == torch.float32
+    reference = conv(octree.node_features(), octree, 4)
+    torch.testing.assert_close(fine.float(), reference, rtol=0.03, atol=0.03)
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+def test_operators_pass_empty_octrees_through(node_set: str) -> None:
+    octree = Octree(OctreeFrame.empty(SPEC, (2,)), SPEC.depth, node_set)
+    features = octree.node_features().requires_grad_()
+    assert octree_join_children(features, octree, 4).shape == (octree.level(3).nodes_n, 56)
+    out = OctreePool()(OctreeConv(7, 4)(features, octree, 4), octree, 4)
+    assert out.shape == (0, 4)
+    voxels = octree_to_voxels(octree_pool(out, octree, 3), octree, 2)
+    assert torch.equal(voxels, torch.zeros(2, 4, 4, 4, 4))
+    voxels.sum().backward()
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
+def test_cuda_agrees_with_the_cpu() -> None:
+    frames = random_frames(3)
+    conv, down, up = OctreeConv(7, 8), OctreeConv(8, 8, stride=2), OctreeDeconv(8, 2)
+
+    def run(device: str) -> Tensor:
+        octree = Octree(frames.to(device), SPEC.depth)
+        for module in (conv, down, up):
+            module.to(device).zero_grad()
+        x = down(conv(octree.node_features(), octree, 4), octree, 4)
+        out = up(x + octree_pool(conv(octree.node_features(), octree, 4), octree, 4), octree, 3)
+        out.square().sum().backward()
+        return torch.cat([out.detach().flatten().cpu(), conv.weight.grad.flatten().cpu()])
+
+    torch.testing.assert_close(run("cuda"), run("cpu"), rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize(("taps", "stride"), [(8, 1), (27, 3)])
+def test_other_kernels_and_strides_are_refused(taps: int, stride: int) -> None:
+    octree = make_octree("occupied")
+    with pytest.raises(ConfigError, match="taps" if taps == 8 else "stride"):
+        octree_conv(octree.node_features(), torch.zeros(taps, 7, 1), octree, 4, stride)
+
+
+def test_an_unknown_pooling_is_refused() -> None:
+    octree = make_octree("occupied")
+    with pytest.raises(ConfigError, match="average"):
+        octree_pool(octree.node_features(), octree, 4, "mean")  # type: ignore[arg-type]

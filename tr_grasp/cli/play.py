@@ -1,0 +1,120 @@
+"""``tr-grasp play``: watch somebody grasp."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tr_grasp.configs.io import parse
+from tr_grasp.errors import ConfigError, StorageError
+
+if TYPE_CHECKING:
+    from tr_grasp.evaluation.records import EpisodeRecord
+    from tr_grasp.evaluation.replay import ReplayStep
+
+MOST_FILMED = 10
+PAUSE_FRAMES = 6
+"""How often the last frame of an episode is repeated before the next one starts."""
+GIF_BYTES_PER_EPISODE = 1_500_000
+
+
+@dataclass(frozen=True)
+class PlayCfg:
+    """Let somebody play some episodes, print what happens and, if wanted, film it."""
+
+    agent: str = "scripted"
+    """zero, random, scripted, a shipped policy (panda), or the folder of a saved one."""
+
+    episodes: int = 3
+    """How many."""
+
+    objects: str = "test"
+    """test or train for procedural objects, or a folder with one sub-folder per object."""
+
+    suite: Literal["single", "scattered", "pile"] = "scattered"
+    """One object, 2-4 objects apart, or 4 in a dropped pile."""
+
+    seed: int = 30_000
+    """Seed of the first episode; the next ones have the next seeds."""
+
+    each_step: bool = False
+    """Print a line for every step, not only for every episode."""
+
+    view: Path | None = None
+    """Film the episodes into this GIF or MP4; a PNG gets six pictures of them."""
+
+    def __post_init__(self) -> None:
+        if self.view is not None and self.episodes > MOST_FILMED:
+            raise ConfigError(f"--view films at most {MOST_FILMED} episodes, got --episodes {self.episodes}.")
+
+
+def main(args: list[str]) -> int:
+    """Run the verb."""
+    cfg = parse(PlayCfg, args, prog="tr-grasp play")
+    # --help must not wait for a simulator.
+    from tr_grasp.envs import make_env
+    from tr_grasp.evaluation.film import check_format, save_film
+    from tr_grasp.evaluation.players import load_player
+    from tr_grasp.evaluation.replay import record_episode
+    from tr_grasp.evaluation.replay_view import ReplayView
+    from tr_grasp.evaluation.rollouts import one_thread, run_episode
+    from tr_grasp.evaluation.run import frame_s
+    from tr_grasp.evaluation.suites import named_suites
+
+    if cfg.view is not None:
+        check_format(cfg.view)
+        make_folder(cfg.view.parent)
+    player = load_player(cfg.agent)
+    (suite,) = named_suites(cfg.suite, player.env, objects=cfg.objects, episodes=cfg.episodes, first_seed=cfg.seed)
+    view = ReplayView(suite.env)
+    film: list[NDArray[np.uint8]] = []
+    with one_thread(), closing(make_env(suite.env)) as env:
+        for episode in range(cfg.episodes):
+            if cfg.view is None and not cfg.each_step:
+                print(episode_line(run_episode(env, player.policy, suite, episode)), flush=True)
+                continue
+            record, steps = record_episode(env, player.policy, suite, episode)
+            if cfg.each_step:
+                print("\n".join(step_line(step) for step in steps))
+            print(episode_line(record), flush=True)
+            if cfg.view is not None:
+                film += view.frames(steps)
+                film += [film[-1]] * PAUSE_FRAMES
+    if cfg.view is not None:
+        save_film(cfg.view, film[:-PAUSE_FRAMES], frame_s(suite), cfg.episodes * GIF_BYTES_PER_EPISODE)
+        print(f"film  {cfg.view}")
+    return 0
+
+
+def episode_line(record: EpisodeRecord) -> str:
+    """One episode in one line."""
+    return (
+        f"episode {record.episode}  seed {record.seed}  {record.outcome}  steps {record.steps}  "
+        f"reward {record.reward:.1f}  objects {', '.join(record.families)}"
+    )
+
+
+def step_line(step: ReplayStep) -> str:
+    """One step in one line."""
+    from tr_grasp.evaluation.replay_view import STAGES, action_text
+
+    done = [name for name, flag in zip(STAGES, step.stages, strict=True) if flag]
+    x, y, z = step.proprio[1:4]
+    return f"  {action_text(step)}   tcp ({x:.3f}, {y:.3f}, {z:.3f}) m   {' '.join(done) or '-'}"
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder of a film before anything is played.
+
+    Raises:
+        StorageError: If that fails.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"could not make the folder '{folder}': {error.strerror}.") from error

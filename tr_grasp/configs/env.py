@@ -1,0 +1,212 @@
+"""The world of Task I: robot, workspace, objects, camera, reward."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from tr_grasp.errors import ConfigError
+
+
+def _require(condition: bool, message: str) -> None:
+    if not condition:
+        raise ConfigError(message)
+
+
+@dataclass(frozen=True)
+class WorkspaceCfg:
+    """The cube in which objects lie, the tool moves and the octree is built (base frame)."""
+
+    centre_m: tuple[float, float, float] = (0.5, 0.0, 0.1125)
+    """Centre of the octree's cube; its floor lies half a leaf under the table so that the table is seen."""
+
+    side_m: float = 0.24
+    """Edge of the octree's cube; also the width and depth of the area the tool may reach."""
+
+    tcp_height_m: tuple[float, float] = (0.012, 0.26)
+    """Lowest and highest tool height above the table. The fingertips end 9 mm under the tcp."""
+
+    escape_margin_m: float = 0.05
+    """An object farther outside the cube than this counts as fallen out."""
+
+    def __post_init__(self) -> None:
+        _require(self.side_m > 0, f"workspace.side_m must be positive, got {self.side_m}")
+        low, high = self.tcp_height_m
+        _require(0 < low < high, f"workspace.tcp_height_m must be 0 < low < high, got {self.tcp_height_m}")
+
+
+@dataclass(frozen=True)
+class ActionCfg:
+    """What one policy step does to the tool."""
+
+    translation_step_m: float = 0.05
+    """Tool translation per axis for an action component of 1."""
+
+    yaw_step_rad: float = 0.4
+    """Tool turn about the vertical for an action component of 1."""
+
+    gripper_dead_zone: float = 0.0
+    """Gripper components smaller than this keep the last command (the thesis uses 0.25 without colour)."""
+
+
+@dataclass(frozen=True)
+class ObjectsCfg:
+    """What is to be grasped and how it lies."""
+
+    source: str = "procedural"
+    """``procedural``, or a folder with one sub-folder per object (``visual.ply``, ``collision.obj``, ``meta.json``)."""
+
+    split: Literal["train", "test"] = "train"
+    """Training and test objects never overlap: other sizes, and some families only in one of them."""
+
+    count_range: tuple[int, int] = (1, 4)
+    """Fewest and most objects in an episode."""
+
+    arrangement: Literal["scattered", "pile"] = "scattered"
+    """``scattered``: dropped one by one, apart; ``pile``: dropped on top of each other in the middle."""
+
+    diagonal_range_m: tuple[float, float] = (0.125, 0.175)
+    """Objects from meshes are scaled so that their bounding-box diagonal falls in this range (thesis)."""
+
+    mass_range_kg: tuple[float, float] = (0.05, 0.25)
+    """Mass of an object, uniform."""
+
+    friction_range: tuple[float, float] = (0.75, 1.5)
+    """Friction coefficient of an object, uniform."""
+
+    def __post_init__(self) -> None:
+        low, high = self.count_range
+        _require(1 <= low <= high <= 8, f"objects.count_range must be 1 <= low <= high <= 8, got {self.count_range}")
+        for name in ("diagonal_range_m", "mass_range_kg", "friction_range"):
+            low, high = getattr(self, name)
+            _require(0 < low <= high, f"objects.{name} must be 0 < low <= high, got {(low, high)}")
+
+
+@dataclass(frozen=True)
+class CameraCfg:
+    """The depth camera."""
+
+    backend: Literal["raycast", "sapien"] = "raycast"
+    """``raycast`` needs no graphics driver; ``sapien`` renders with Vulkan."""
+
+    eye_m: tuple[float, float, float] = (1.0, -0.35, 0.60)
+    """Position of the camera in the base frame."""
+
+    target_m: tuple[float, float, float] = (0.5, 0.0, 0.06)
+    """Point that the camera looks at, in the base frame."""
+
+    fov_rad: float = 0.47
+    """Full vertical field of view."""
+
+    image_size_px: int = 80
+    """Width and height of the square depth image."""
+
+    depth_noise_m: float = 0.001
+    """Standard deviation of the Gaussian depth noise."""
+
+    def __post_init__(self) -> None:
+        _require(8 <= self.image_size_px <= 1024, f"camera.image_size_px must be 8..1024, got {self.image_size_px}")
+        _require(0 < self.fov_rad < 2.5, f"camera.fov_rad must be in (0, 2.5), got {self.fov_rad}")
+        _require(self.depth_noise_m >= 0, f"camera.depth_noise_m must not be negative, got {self.depth_noise_m}")
+
+
+@dataclass(frozen=True)
+class ObservationCfg:
+    """What the policy is given."""
+
+    depth: int = 4
+    """Octree depth; a leaf is ``workspace.side_m / 2**depth`` wide."""
+
+    leaf_capacity: int = 512
+    """Leaves kept per octree; beyond it the leaves with the fewest points are left out."""
+
+    colour: bool = True
+    """Seven channels per leaf (mean normal, signed distance, colour) instead of four."""
+
+    stack_n: int = 3
+    """Stacked observations, oldest first."""
+
+    gripper_reading: Literal["measured", "commanded"] = "measured"
+    """First number of the proprioception: measured opening, or the last command (thesis)."""
+
+    expert_labels: bool = False
+    """Add the scripted expert's action (for imitation while training; never at run time)."""
+
+    def __post_init__(self) -> None:
+        _require(3 <= self.depth <= 5, f"observation.depth must be 3..5, got {self.depth}")
+        _require(self.leaf_capacity >= 16, f"observation.leaf_capacity must be at least 16, got {self.leaf_capacity}")
+        _require(1 <= self.stack_n <= 8, f"observation.stack_n must be 1..8, got {self.stack_n}")
+
+
+@dataclass(frozen=True)
+class RewardCfg:
+    """Sparse stages paid once an episode: base**0, base**1, base**2, base**3."""
+
+    stage_base: float = 7.0
+    """Reach, touch, grasp, lift pay 1, 7, 49, 343 (thesis)."""
+
+    ground_contact: float = -1.0
+    """For each step in which the robot touches the table."""
+
+    step: float = -0.005
+    """For every step."""
+
+    reach_distance_m: float = 0.10
+    """The tcp is this near to an object's centre: reached."""
+
+    lift_height_m: float = 0.125
+    """A held object is this high: lifted, success."""
+
+    lift_reference: Literal["rest", "table"] = "rest"
+    """Measure the lift from where the object came to rest, or from the table (thesis)."""
+
+
+@dataclass(frozen=True)
+class EnvCfg:
+    """Task I: grasp one of several novel objects and lift it."""
+
+    robot: Literal["panda"] = "panda"
+    """The arm and its gripper."""
+
+    control_hz: float = 4.0
+    """Policy steps per second of simulated time."""
+
+    physics_hz: int = 100
+    """Physics steps per second of simulated time."""
+
+    episode_steps: int = 100
+    """Policy steps after which an episode is truncated."""
+
+    fresh_scene_every_n: int = 1
+    """Episodes between complete rebuilds of the scene; 1 makes every episode bit-repeatable."""
+
+    initial_joint_noise_rad: float = 0.03
+    """Standard deviation of the noise on every arm joint at reset (thesis: 0.1)."""
+
+    workspace: WorkspaceCfg = field(default_factory=WorkspaceCfg)
+    """Where things happen."""
+
+    action: ActionCfg = field(default_factory=ActionCfg)
+    """What a step does."""
+
+    objects: ObjectsCfg = field(default_factory=ObjectsCfg)
+    """What is grasped."""
+
+    camera: CameraCfg = field(default_factory=CameraCfg)
+    """What sees it."""
+
+    observation: ObservationCfg = field(default_factory=ObservationCfg)
+    """What the policy is given."""
+
+    reward: RewardCfg = field(default_factory=RewardCfg)
+    """What it is paid."""
+
+    def __post_init__(self) -> None:
+        _require(self.control_hz > 0, f"env.control_hz must be positive, got {self.control_hz}")
+        substeps = self.physics_hz / self.control_hz
+        _require(
+            substeps >= 1 and abs(substeps - round(substeps)) < 1e-9,
+            f"env.physics_hz must be a multiple of env.control_hz, got {self.physics_hz} and {self.control_hz}",
+        )
+        _require(self.episode_steps >= 1, f"env.episode_steps must be at least 1, got {self.episode_steps}")
+        _require(self.fresh_scene_every_n >= 1, f"env.fresh_scene_every_n must be at least 1, got {self.fresh_scene_every_n}")

@@ -1,0 +1,244 @@
+"""A training run: network, algorithm, replay, demonstrations, trainer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from tr_grasp.configs.env import EnvCfg, _require
+
+
+@dataclass(frozen=True)
+class NetworkCfg:
+    """Encoder and heads."""
+
+    encoder: Literal["localising_ocnn", "vanilla_ocnn"] = "localising_ocnn"
+    """Octree encoder: the fast one that localises, or the thesis' Vanilla O-CNN."""
+
+    shared_stack: bool = True
+    """One encoder for all stacked observations instead of a copy for each (thesis)."""
+
+    node_set: Literal["occupied", "siblings"] = "occupied"
+    """Convolve on non-empty octants only, or on all eight children of a non-empty parent (O-CNN)."""
+
+    features_n: int = 128
+    """Features of the localising encoder (the Vanilla O-CNN has 170 per stacked observation)."""
+
+    actor_hidden_n: tuple[int, ...] = (256, 256)
+    """Hidden widths of the actor."""
+
+    critic_hidden_n: tuple[int, ...] = (256, 256)
+    """Hidden widths of each critic."""
+
+    critic_layer_norm: bool = True
+    """Normalise the hidden layers of the critics."""
+
+    critic_sees_stages: bool = True
+    """The critics also read the four stage flags, which make the once-paid reward Markov."""
+
+
+@dataclass(frozen=True)
+class TqcCfg:
+    """Truncated Quantile Critics (Kuznetsov et al. 2020, arXiv:2005.04269)."""
+
+    critics_n: int = 2
+    """Number of critics."""
+
+    quantiles_n: int = 25
+    """Quantiles of each critic."""
+
+    drop_per_net: int = 2
+    """Largest target atoms dropped, per critic; they are dropped from the pooled set."""
+
+    gamma: float = 0.95
+    """Discount of a policy step."""
+
+    tau: float = 0.01
+    """Share of the online network that enters the target network at every update."""
+
+    reward_scale: float = 0.0125
+    """Factor on the reward in the learner (the environment always pays the thesis' 400)."""
+
+    alpha_init: float = 0.05
+    """Initial entropy temperature."""
+
+    alpha_min: float = 0.002
+    """Floor of the entropy temperature."""
+
+    target_entropy: float = -4.0
+    """Entropy that the temperature aims at (thesis: -5)."""
+
+    encoder_grad: Literal["critic", "actor", "both"] = "critic"
+    """Which loss trains the encoder; the thesis' code used the actor's."""
+
+    critic_reduction: Literal["sum", "mean"] = "sum"
+    """TorchRL sums the loss over critics; the authors and SB3 take the mean."""
+
+    normalise_actor_loss: bool = True
+    """Divide the actor's loss by the mean absolute value so that imitation keeps its weight."""
+
+    actor_warmup_updates: int = 300
+    """The actor's reinforcement term grows linearly over this many updates (0: at once)."""
+
+    action_noise: float = 0.0
+    """Standard deviation of Gaussian noise on collected actions (thesis: 0.025)."""
+
+    def __post_init__(self) -> None:
+        _require(0 < self.gamma < 1, f"algorithm.gamma must be in (0, 1), got {self.gamma}")
+        _require(0 < self.tau <= 1, f"algorithm.tau must be in (0, 1], got {self.tau}")
+        _require(
+            0 <= self.drop_per_net < self.quantiles_n,
+            f"algorithm.drop_per_net must be 0..{self.quantiles_n - 1}, got {self.drop_per_net}",
+        )
+
+
+@dataclass(frozen=True)
+class OptimiserCfg:
+    """Adam, for encoder, critics and actor together."""
+
+    learning_rate: float = 7e-4
+    """Initial learning rate."""
+
+    decay_start: float = 0.6
+    """Share of the run after which the rate falls linearly (0: from the beginning, thesis)."""
+
+    final_fraction: float = 0.1
+    """Rate at the end, as a share of the initial one (thesis: 0)."""
+
+    gradient_clip: float = 10.0
+    """Largest gradient norm (0: no clipping)."""
+
+
+@dataclass(frozen=True)
+class ReplayCfg:
+    """Uniform replay; every observation is stored once."""
+
+    capacity: int = 100_000
+    """Transitions kept."""
+
+    batch_size: int = 64
+    """Transitions of one update."""
+
+    symmetry_augmentation: bool = True
+    """Turn and mirror each transition by a random element of the cube's symmetry about the vertical."""
+
+
+@dataclass(frozen=True)
+class DemonstrationCfg:
+    """Transitions of the scripted expert, recorded before learning."""
+
+    transitions_n: int = 7_000
+    """How many (0: none, thesis)."""
+
+    batch_share: float = 0.5
+    """Share of every batch that is drawn from demonstrations."""
+
+    noise_scale: tuple[float, ...] = (0.05, 0.15, 0.35)
+    """Action noise; each episode draws one of these standard deviations."""
+
+    gripper_flip_probability: float = 0.05
+    """Chance of opening instead of closing, or the reverse, in a step."""
+
+    episode_steps: int = 20
+    """Demonstration episodes are cut here."""
+
+
+@dataclass(frozen=True)
+class ImitationCfg:
+    """Behaviour-cloning term on expert labels, beside the reinforcement losses."""
+
+    pretrain_updates: int = 800
+    """Updates with the imitation loss alone, before anything is collected."""
+
+    weight_initial: float = 2.0
+    """Weight of the imitation loss when collection starts (0: no imitation)."""
+
+    weight_final: float = 0.3
+    """Weight after ``decay_env_steps``."""
+
+    decay_env_steps: int = 12_000
+    """Environment steps over which the weight changes linearly."""
+
+    states: Literal["demonstrations", "all"] = "demonstrations"
+    """Imitate on demonstrations only, or also on the states that the policy visits (DAgger)."""
+
+    reinforcement: bool = True
+    """Keep the reinforcement losses; False leaves pure imitation (with ``states=all``: DAgger)."""
+
+
+@dataclass(frozen=True)
+class TrainerCfg:
+    """The loop around it."""
+
+    env_steps: int = 20_000
+    """Environment steps to collect, demonstrations not counted."""
+
+    updates_per_step: float = 0.33
+    """Gradient steps per environment step."""
+
+    learning_starts: int = 200
+    """Environment steps before the first update."""
+
+    random_steps: int = 0
+    """Environment steps with uniformly random actions at the beginning."""
+
+    collector: Literal["process", "inline"] = "process"
+    """Collect in processes beside the learner, or in turn with it (exactly resumable)."""
+
+    workers_n: int = 1
+    """Collecting processes."""
+
+    steps_per_batch: int = 100
+    """Environment steps that a collector hands over at once."""
+
+    threads_n: int = 1
+    """Threads of the learner."""
+
+    evaluate_every: int = 2_500
+    """Environment steps between evaluations (0: never)."""
+
+    evaluate_episodes: int = 40
+    """Deterministic episodes of an evaluation, on validation seeds of the training objects."""
+
+    checkpoint_every: int = 2_500
+    """Environment steps between checkpoints."""
+
+    device: str = "cpu"
+    """Where the learner's networks live: ``cpu`` or ``cuda``."""
+
+    def __post_init__(self) -> None:
+        _require(self.steps_per_batch >= 1, f"trainer.steps_per_batch must be at least 1, got {self.steps_per_batch}")
+        _require(self.workers_n >= 1, f"trainer.workers_n must be at least 1, got {self.workers_n}")
+        _require(self.updates_per_step >= 0, f"trainer.updates_per_step must not be negative, got {self.updates_per_step}")
+
+
+@dataclass(frozen=True)
+class TrainCfg:
+    """Everything that decides a training run."""
+
+    seed: int = 0
+    """Seed of networks, environments and sampling."""
+
+    env: EnvCfg = field(default_factory=lambda: EnvCfg(fresh_scene_every_n=4))
+    """The task."""
+
+    network: NetworkCfg = field(default_factory=NetworkCfg)
+    """Encoder and heads."""
+
+    algorithm: TqcCfg = field(default_factory=TqcCfg)
+    """The reinforcement-learning algorithm."""
+
+    optimiser: OptimiserCfg = field(default_factory=OptimiserCfg)
+    """Adam and its schedule."""
+
+    replay: ReplayCfg = field(default_factory=ReplayCfg)
+    """What is remembered."""
+
+    demonstrations: DemonstrationCfg = field(default_factory=DemonstrationCfg)
+    """What the expert shows."""
+
+    imitation: ImitationCfg = field(default_factory=ImitationCfg)
+    """How the expert is imitated."""
+
+    trainer: TrainerCfg = field(default_factory=TrainerCfg)
+    """The loop."""

@@ -1,0 +1,85 @@
+"""A scripted expert that sees the true scene: for demonstrations, labels and sanity checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tr_grasp.configs import ActionCfg
+from tr_grasp.geometry import wrap_half_turn
+from tr_grasp.grasps import TopDownGrasps
+
+Array = NDArray[np.floating]
+OPEN, CLOSE = 1.0, -1.0
+GRIPPER_OPENING_M = 0.08
+
+
+@dataclass(frozen=True)
+class ToolState:
+    """What the expert knows of the gripper.
+
+    Attributes:
+        position: (3,) tcp [m], base frame.
+        closing_yaw_rad: Direction of closing in the table's plane.
+        closing: The gripper was last told to close.
+        holding: An object is pinched.
+        opening_m: Measured distance between the fingers.
+    """
+
+    position: Array
+    closing_yaw_rad: float
+    closing: bool
+    holding: bool
+    opening_m: float
+
+
+def choose_grasp(grasps: TopDownGrasps, tool: ToolState) -> int | None:
+    """The grasp that is worth most from where the tool is: good, near, and with little to turn.
+
+    Nearness makes the choice settle as the tool approaches without the expert having to remember anything.
+    """
+    if not len(grasps):
+        return None
+    distance = np.linalg.norm(grasps.position[:, :2] - tool.position[:2], axis=1)
+    turn = np.abs(wrap_half_turn(grasps.yaw_rad - tool.closing_yaw_rad))
+    return int(np.argmax(grasps.score - distance / 0.15 - 0.25 * turn))
+
+
+def expert_action(
+    tool: ToolState, position: Array, yaw_rad: float, width_m: float, action: ActionCfg
+) -> NDArray[np.float32]:
+    """(5,) action towards a grasp at ``position`` (3,) [m] with closing direction ``yaw_rad``.
+
+    It is a continuous function of the state, so that it can be imitated: a funnel of heights opens over the grasp and
+    the tool may only be as low as its sideways error allows. Labels tolerate errors that one camera cannot show;
+    stricter ones teach the imitator to hesitate.
+    """
+    offset = position - tool.position
+    turn = float(wrap_half_turn(yaw_rad - tool.closing_yaw_rad))
+    sideways = float(np.hypot(offset[0], offset[1]))
+    if tool.closing and tool.opening_m < 0.004:
+        return _pack(np.array([0.0, 0.0, 1.0]), 0.0, OPEN)
+    tolerance = float(np.clip((GRIPPER_OPENING_M - width_m) / 2 - 0.002, 0.005, 0.012))
+    if sideways < tolerance and abs(turn) < 0.35 and offset[2] > -0.010:
+        return _pack(np.zeros(3), 0.0, CLOSE)
+    hover = np.clip(1.6 * max(0.0, sideways - tolerance) + 0.08 * max(0.0, abs(turn) - 0.25), 0.0, 0.08)
+    climb = offset[2] + hover
+    slow = 0.35 if climb > 0.03 else 1.0
+    step = np.array([slow * offset[0], slow * offset[1], climb]) / action.translation_step_m
+    return _pack(step, slow * turn / action.yaw_step_rad, OPEN)
+
+
+def lift_action() -> NDArray[np.float32]:
+    """Rise straight up with a closed gripper: an object is held."""
+    return _pack(np.array([0.0, 0.0, 1.0]), 0.0, CLOSE)
+
+
+def wait_action() -> NDArray[np.float32]:
+    """Rise with an open gripper: there is nothing to grasp."""
+    return _pack(np.array([0.0, 0.0, 0.5]), 0.0, OPEN)
+
+
+def _pack(step: Array, turn: float, gripper: float) -> NDArray[np.float32]:
+    return np.clip(np.array([*step, turn, gripper]), -1.0, 1.0).astype(np.float32)

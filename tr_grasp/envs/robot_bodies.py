@@ -1,0 +1,50 @@
+"""What cameras see of the robot and the table: light meshes taken from the collision shapes."""
+
+from __future__ import annotations
+
+import numpy as np
+import sapien
+import trimesh
+from sapien import physx
+
+from tr_grasp.sensing import Body
+
+ARM_COLOUR = (0.93, 0.93, 0.95)
+FINGER_COLOUR = (0.18, 0.18, 0.20)
+TABLE_COLOUR = (0.48, 0.44, 0.40)
+
+
+def link_body(link: physx.PhysxArticulationLinkComponent, colour: tuple[float, float, float]) -> Body | None:
+    """The collision shapes of a link as one mesh in the link's frame, or None if it has none."""
+    meshes = [_mesh(shape) for shape in link.collision_shapes]
+    if not meshes:
+        return None
+    mesh = trimesh.util.concatenate(meshes)
+    return Body.uniform(mesh.vertices, mesh.faces, colour)
+
+
+def table_body(half_side_m: float = 1.0) -> Body:
+    """A square of the table's plane z = 0 around the base frame's origin."""
+    corners = half_side_m * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    return Body.uniform(corners, [[0, 1, 2], [0, 2, 3]], TABLE_COLOUR)
+
+
+def _mesh(shape: physx.PhysxCollisionShape) -> trimesh.Trimesh:
+    if isinstance(shape, physx.PhysxCollisionShapeBox):
+        mesh = trimesh.creation.box(2 * np.asarray(shape.half_size))
+    elif isinstance(shape, physx.PhysxCollisionShapeSphere):
+        mesh = trimesh.creation.icosphere(2, shape.radius)
+    elif isinstance(shape, (physx.PhysxCollisionShapeCapsule, physx.PhysxCollisionShapeCylinder)):
+        make = trimesh.creation.capsule if isinstance(shape, physx.PhysxCollisionShapeCapsule) else trimesh.creation.cylinder
+        mesh = make(height=2 * shape.half_length, radius=shape.radius)
+        mesh.apply_translation(-mesh.bounds.mean(axis=0))
+        mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))  # along x, as PhysX has it
+    else:
+        mesh = trimesh.Trimesh(shape.vertices * shape.scale, shape.triangles, process=False)
+    mesh.apply_transform(shape.local_pose.to_transformation_matrix())
+    return mesh
+
+
+def entity_pose(entity: sapien.Entity) -> np.ndarray:
+    """``T_base_entity`` (4, 4); the robot's base stands at the scene's origin."""
+    return entity.pose.to_transformation_matrix()

@@ -1,0 +1,25 @@
+"""Rigid-body mathematics in numpy: float64, column vectors, ``T_a_b`` maps b into a."""
+
+from tr_grasp.geometry.transforms import (
+    invert_transform,
+    look_at,
+    matrix_from_wxyz,
+    random_wxyz,
+    rotate_points,
+    rotation_about_z,
+    transform_points,
+    transform_from,
+    wrap_half_turn,
+)
+
+__all__ = [
+    "invert_transform",
+    "look_at",
+    "matrix_from_wxyz",
+    "random_wxyz",
+    "rotate_points",
+    "rotation_about_z",
+    "transform_from",
+    "transform_points",
+    "wrap_half_turn",
+]

@@ -1,0 +1,31 @@
+"""Every TensorDict key that crosses a package border, on one page.
+
+Shapes are those of one environment (batch size ``[]``); ``stack`` is the number of stacked
+observations, oldest first.
+"""
+
+from __future__ import annotations
+
+OCTREE = "octree"
+"""``OctreeFrame`` with batch ``(stack,)``: what the depth camera saw, in the robot's base frame."""
+
+PROPRIO = "proprio"
+"""float32 ``(stack, 10)``: gripper reading, tcp position [m], first two columns of R_base_tcp."""
+
+STAGES = "stages"
+"""float32 ``(4,)``: which of reach, touch, grasp, lift were reached in this episode (critic only)."""
+
+EXPERT_ACTION = "expert_action"
+"""float32 ``(5,)``: what the scripted expert would do now (privileged; only with expert labels on)."""
+
+OUTCOME = "outcome"
+"""int64 ``(1,)``: index into ``envs.Outcome``, as if the episode ended now."""
+
+SUCCESS = "success"
+"""bool ``(1,)``: an object is held ``lift_height_m`` up."""
+
+ACTION = "action"
+"""float32 ``(5,)`` in [-1, 1]: dx, dy, dz, dphi, gripper (positive opens, negative closes)."""
+
+ACTOR_FEATURES = "actor_features"
+CRITIC_FEATURES = "critic_features"

@@ -1,0 +1,8 @@
+"""What is grasped: procedural families and sets of meshes. ``actors`` puts them into a simulation."""
+
+from tr_grasp.objects.families import FAMILIES, family_names
+from tr_grasp.objects.mesh_set import MeshSet
+from tr_grasp.objects.model import ObjectModel
+from tr_grasp.objects.sets import ObjectSet, ProceduralSet, object_set
+
+__all__ = ["FAMILIES", "MeshSet", "ObjectModel", "ObjectSet", "ProceduralSet", "family_names", "object_set"]

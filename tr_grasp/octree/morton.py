@@ -1,0 +1,56 @@
+"""Morton codes: one integer for an octant, whose parent is ``code >> 3``.
+
+The code interleaves the bits of the cell coordinates; in each group of three bits x is the most significant,
+then y, then z. So ``code & 7`` is ``4 * (x & 1) + 2 * (y & 1) + (z & 1)``, and codes of the eight children of an
+octant are consecutive.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+
+def encode_cells(cells: NDArray[np.integer], depth: int) -> NDArray[np.int64]:
+    """Morton codes of cell coordinates ``(*batch, 3)`` in ``[0, 2**depth)``."""
+    codes = np.zeros(cells.shape[:-1], np.int64)
+    for bit in range(depth):
+        octant = (cells >> bit & 1) @ np.array([4, 2, 1])
+        codes |= octant.astype(np.int64) << 3 * bit
+    return codes
+
+
+def code_of_cell(cells: NDArray[np.float64], depth: int) -> NDArray[np.int16]:
+    """As ``encode_cells``, for whole numbers stored as floats ``(n, 3)`` and depths up to 5; by a table."""
+    side = 2.0**depth
+    return _code_table(depth).take((cells @ np.array([side * side, side, 1.0])).astype(np.intp))
+
+
+@cache
+def _code_table(depth: int) -> NDArray[np.int16]:
+    """Code of every cell in row-major order."""
+    cells = np.stack(np.meshgrid(*[np.arange(2**depth)] * 3, indexing="ij"), axis=-1)
+    return encode_cells(cells.reshape(-1, 3), depth).astype(np.int16)
+
+
+@cache
+def cell_table(depth: int, device: torch.device) -> Tensor:
+    """Table ``(8**depth, 3)`` int64: cell coordinates of every Morton code."""
+    code = np.arange(8**depth)
+    cells = np.zeros((8**depth, 3), np.int64)
+    for bit in range(depth):
+        for axis, shift in enumerate((2, 1, 0)):
+            cells[:, axis] |= (code >> (3 * bit + shift) & 1) << bit
+    return torch.from_numpy(cells).to(device)
+
+
+@cache
+def raster_table(depth: int, pad: int, device: torch.device) -> Tensor:
+    """Table ``(8**depth,)`` int64: row-major index of every code in a grid padded by ``pad`` cells on each side."""
+    side = 2**depth + 2 * pad
+    x, y, z = (cell_table(depth, device) + pad).unbind(1)
+    return (x * side + y) * side + z

@@ -1,0 +1,7 @@
+"""From simulator or camera to points with normals and colours in the robot's base frame."""
+
+from tr_grasp.sensing.camera import DepthImage, PinholeCamera
+from tr_grasp.sensing.point_cloud import PointCloud, point_cloud_from_image
+from tr_grasp.sensing.raycast import Body, RaycastScene
+
+__all__ = ["Body", "DepthImage", "PinholeCamera", "PointCloud", "RaycastScene", "point_cloud_from_image"]

@@ -1,0 +1,141 @@
+"""Collecting transitions, in this process or beside it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from torchrl.collectors import Collector, MultiAsyncCollector
+from torchrl.envs import Compose, EnvBase, RewardSum, StepCounter, TransformedEnv
+from torchrl.envs.utils import ExplorationType
+
+from tr_grasp.configs import EnvCfg
+
+EnvMaker = Callable[[EnvCfg, int], EnvBase]
+
+EPISODE_REWARD = "episode_reward"
+
+
+@dataclass(frozen=True)
+class CollectPlan:
+    """How to collect, until further notice.
+
+    A plan has a ``segment`` number of its own: environments derive the seeds of their episodes from the seed of the
+    run, the segment and the worker, so that no episode comes twice, also after a run was resumed.
+    """
+
+    make_env: EnvMaker
+    env: EnvCfg
+    seed: int
+    segment: int
+    steps_per_batch: int
+    mode: Literal["inline", "process"] = "inline"
+    workers_n: int = 1
+    episode_steps: int | None = None
+    """Cut episodes here (truncated); None leaves it to the environment."""
+
+    deterministic: bool = False
+    """The policy's mean action instead of a sample."""
+
+
+class Collection:
+    """An endless stream of chunks, each of consecutive steps of one environment, and the policy that makes them.
+
+    Use it as a context manager: leaving it ends the workers.
+    """
+
+    def __init__(self, plan: CollectPlan, policy: TensorDictModuleBase) -> None:
+        self._plan = plan
+        self._policy = policy
+        self._collector = self._start()
+
+    def __enter__(self) -> Collection:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[TensorDictBase]:
+        """Chunks with batch ``(steps_per_batch,)``. One worker is at most one chunk ahead of the reader."""
+        yield from self._collector
+
+    def push_weights(self) -> None:
+        """Let the workers act with the weights that the policy has now."""
+        if self._plan.mode == "process":
+            self._collector.update_policy_weights_(self._policy)
+
+    def close(self) -> None:
+        """End workers and environments; may be called again."""
+        if self._collector is not None:
+            threads_n = torch.get_num_threads()
+            self._collector.shutdown()
+            # TorchRL gives the workers' threads to this process.
+            torch.set_num_threads(threads_n)
+            self._collector = None
+
+    def _start(self) -> Collector | MultiAsyncCollector:
+        plan = self._plan
+        kind = ExplorationType.DETERMINISTIC if plan.deterministic else ExplorationType.RANDOM
+        common: dict[str, Any] = {
+            "frames_per_batch": plan.steps_per_batch,
+            "total_frames": -1,
+            "exploration_type": kind,
+            # Stateless policies need no extra transforms.
+            "auto_register_policy_transforms": False,
+        }
+        if plan.mode == "inline":
+            return Collector(_Worker(plan, 0), self._policy, trust_policy=True, **common)
+        makers = [_Worker(plan, index) for index in range(plan.workers_n)]
+        with _delayed_interrupt():
+            return _PatientCollector(
+                makers, self._policy, num_threads=torch.get_num_threads(), num_sub_threads=1, **common
+            )
+
+
+class _PatientCollector(MultiAsyncCollector):
+    """TorchRL's queue holds one chunk and a worker throws its chunk away when it stays full for a second."""
+
+    @property
+    def _queue_len(self) -> int:
+        return self.num_workers
+
+
+@dataclass(frozen=True)
+class _Worker:
+    """Makes the environment of one worker, in the process where it will run."""
+
+    plan: CollectPlan
+    index: int
+
+    def __call__(self) -> EnvBase:
+        plan = self.plan
+        seed = worker_seed(plan.seed, plan.segment, self.index)
+        if multiprocessing.parent_process() is not None:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            torch.set_num_threads(1)
+            torch.manual_seed(seed)
+        env = plan.make_env(plan.env, seed)
+        return TransformedEnv(env, Compose(StepCounter(plan.episode_steps), RewardSum()))
+
+
+def worker_seed(seed: int, segment: int, worker: int) -> int:
+    """The seed from which the environment of a worker derives those of its episodes."""
+    return int(np.random.SeedSequence([seed, segment, worker]).generate_state(1)[0] % 2**31)
+
+
+@contextmanager
+def _delayed_interrupt() -> Iterator[None]:
+    """Processes started here never see Ctrl-C, which a terminal sends to all; this one sees it afterwards."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

@@ -1,0 +1,132 @@
+"""One gradient step: losses, clipping, Adam, target networks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from tensordict import TensorDict
+from torch import Tensor
+from torchrl.objectives import SoftUpdate
+
+from tr_grasp.configs import TrainCfg
+from tr_grasp.errors import TrainingDivergedError
+from tr_grasp.files import write_atomically
+from tr_grasp.keys import ACTOR_FEATURES, EXPERT_ACTION
+from tr_grasp.modules import Agent, build_loss, imitation_loss
+from tr_grasp.trainers.batches import IMITATION_WEIGHT
+from tr_grasp.trainers.schedules import imitation_weight, learning_rate, warmup
+
+BROKEN_BATCH_FILE = "diverged_batch.pt"
+
+
+class Learner:
+    """Improves an agent in place.
+
+    Args:
+        agent: On the device where it shall learn.
+        cfg: The settings of the run.
+        folder: Where the batch is kept if a loss stops being finite.
+    """
+
+    def __init__(self, agent: Agent, cfg: TrainCfg, folder: Path) -> None:
+        self.agent = agent
+        self.updates = 0
+        self._cfg = cfg
+        self._folder = folder
+        self._loss = build_loss(cfg, agent).to(cfg.trainer.device)
+        self._targets = SoftUpdate(self._loss, tau=cfg.algorithm.tau)
+        self._networks = [p for name, p in self._loss.named_parameters() if name != "log_alpha"]
+        self._optimiser = torch.optim.Adam(self._loss.parameters(), lr=cfg.optimiser.learning_rate, fused=True)
+
+    def pretrain(self, batch: TensorDict) -> dict[str, Tensor]:
+        """One update with the imitation loss alone. Target networks follow without delay, they are not in use yet.
+
+        Raises:
+            TrainingDivergedError: The loss or its gradient is not finite.
+        """
+        batch = batch.to(self._cfg.trainer.device)
+        loss = self._imitation(batch, self._loss.encode(batch))
+        self._step(batch, {"loss_imitation": loss}, loss, self._cfg.optimiser.learning_rate)
+        return {"loss_imitation": loss.detach()}
+
+    def synchronise_targets(self) -> None:
+        """Make the target networks equal to the online ones."""
+        self._targets = SoftUpdate(self._loss, tau=self._cfg.algorithm.tau)
+
+    def update(self, batch: TensorDict, env_steps: int) -> dict[str, Tensor]:
+        """One update with all losses that the settings ask for.
+
+        Args:
+            batch: From ``BatchSampler``.
+            env_steps: Steps collected so far, which the schedules go by.
+
+        Returns:
+            Named scalars, still on the device so that nothing waits for them.
+
+        Raises:
+            TrainingDivergedError: A loss or its gradient is not finite; the batch is kept in a file.
+        """
+        cfg = self._cfg
+        batch = batch.to(cfg.trainer.device)
+        features = self._loss.encode(batch)
+        weight = imitation_weight(cfg.imitation, env_steps)
+        losses: dict[str, Tensor] = {}
+        total = torch.zeros((), device=features.device)
+        if weight > 0:
+            losses["loss_imitation"] = self._imitation(batch, features)
+            total = total + weight * losses["loss_imitation"]
+        if cfg.imitation.reinforcement:
+            reinforcement = self._loss(batch.set(ACTOR_FEATURES, features))
+            losses |= {name: reinforcement[name] for name in reinforcement.keys()}
+            actor_share = warmup(self.updates, cfg.algorithm.actor_warmup_updates)
+            total = total + losses["loss_qvalue"] + actor_share * losses["loss_actor"] + losses["loss_alpha"]
+        rate = learning_rate(cfg.optimiser, env_steps / max(1, cfg.trainer.env_steps))
+        norm = self._step(batch, losses, total, rate)
+        self._targets.step()
+        self.updates += 1
+        scalars = {name: value.detach() for name, value in losses.items()}
+        return scalars | {"gradient_norm": norm, "learning_rate": torch.tensor(rate), "imitation_weight": torch.tensor(weight)}
+
+    def state_dict(self) -> dict[str, Any]:
+        """Networks, their targets, the temperature, and Adam's moments."""
+        return {
+            "loss": dict(self._loss.state_dict()),
+            "optimiser": self._optimiser.state_dict(),
+            "updates": self.updates,
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Restore exactly what :meth:`state_dict` returned."""
+        self._loss.load_state_dict(state["loss"])
+        self._optimiser.load_state_dict(state["optimiser"])
+        self.updates = state["updates"]
+
+    def _imitation(self, batch: TensorDict, features: Tensor) -> Tensor:
+        mean = self.agent.actor.module[0].module(features)[0]
+        return imitation_loss(mean, batch[EXPERT_ACTION], batch[IMITATION_WEIGHT])
+
+    def _step(self, batch: TensorDict, losses: Mapping[str, Tensor], total: Tensor, rate: float) -> Tensor:
+        for group in self._optimiser.param_groups:
+            group["lr"] = rate
+        self._optimiser.zero_grad(set_to_none=True)
+        if total.requires_grad:
+            total.backward()
+        clip = self._cfg.optimiser.gradient_clip
+        norm = torch.nn.utils.clip_grad_norm_(self._networks, clip if clip > 0 else float("inf"))
+        if not torch.isfinite(total) or not torch.isfinite(norm):
+            self._report_divergence(batch, losses, norm)
+        self._optimiser.step()
+        return norm.detach()
+
+    def _report_divergence(self, batch: TensorDict, losses: Mapping[str, Tensor], norm: Tensor) -> None:
+        path = self._folder / BROKEN_BATCH_FILE
+        content = {"batch": batch.detach().cpu().to_dict(), "learner": self.state_dict()}
+        write_atomically(path, lambda file: torch.save(content, file))
+        values = ", ".join(f"{name} {float(value):g}" for name, value in losses.items())
+        raise TrainingDivergedError(
+            f"training diverged at update {self.updates}: {values}, gradient norm {float(norm):g}; "
+            f"the batch and the networks before the update are in '{path}'."
+        )
