@@ -15,7 +15,6 @@ setup:  ## make the virtual environment (runs before everything else)
 	@bash scripts/setup.sh
 
 demo: setup  ## doctor, then 20 held-out episodes with the shipped policy, a table, a report
-	@$(PYTHON_BIN) -m tr_grasp doctor
 	@$(PYTHON_BIN) -m tr_grasp demo --episodes $(DEMO_EPISODES)
 
 doctor: setup  ## what this machine lacks, and the cure

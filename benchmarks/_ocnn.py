@@ -51,9 +51,8 @@ class VanillaPeer(nn.Module):
     def __init__(self, ocnn: Any, nempty: bool) -> None:
         super().__init__()
         self.nempty = nempty
-        # The default method is a CUDA kernel.
-        self.conv4 = ocnn.nn.OctreeConv(7, 32, nempty=nempty, method="explicit_gemm")
-        self.conv3 = ocnn.nn.OctreeConv(32, 64, nempty=nempty, method="explicit_gemm")
+        self.conv4 = ocnn.nn.OctreeConv(7, 32, nempty=nempty)
+        self.conv3 = ocnn.nn.OctreeConv(32, 64, nempty=nempty)
         self.pool = ocnn.nn.OctreeMaxPool(nempty)
         self.squeeze, self.head = nn.Linear(64, 16), nn.Linear(1024, 160)
         self.ocnn = ocnn

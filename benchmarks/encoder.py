@@ -1,12 +1,14 @@
 """Speed of the encoders: ``python -m benchmarks.encoder``.
 
 Prints JSON rows. Peers: the Vanilla O-CNN on dense grids with the same widths, and on ``ocnn`` if it is installed.
-Collation is part of every time of ours; the peers' structures are made beforehand.
+From stored frames to features: collation is part of every time, also of ocnn's (merge and neighbour tables).
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import torch
@@ -16,6 +18,9 @@ from benchmarks import _ocnn
 from benchmarks._common import SPEC, median_ms, print_row, tabletop_cloud, tabletop_frames
 from tr_grasp.modules.encoders import build_encoder
 from tr_grasp.octree import Octree, octree_to_voxels
+
+Call = Callable[[], Tensor]
+DENSE = "dense Conv3d, channels last"
 
 
 class DensePeer(nn.Module):
@@ -27,61 +32,64 @@ class DensePeer(nn.Module):
         self.conv3 = nn.Conv3d(32, 64, 3, padding=1, bias=False)
         self.squeeze, self.head = nn.Conv3d(64, 16, 1), nn.Linear(1024, 160)
 
-    def forward(self, grid: Tensor, masks: tuple[Tensor, Tensor]) -> Tensor:
+    def forward(self, grid: Tensor, masks: list[Tensor]) -> Tensor:
+        """Features ``(B, 160)``."""
         x = nn.functional.max_pool3d(self.conv4(grid).relu() * masks[0], 2)
         x = nn.functional.max_pool3d(self.conv3(x).relu() * masks[1], 2)
         return self.head(self.squeeze(x).relu().flatten(1)).relu()
 
 
-def proprioception(batch_n: int) -> Tensor:
+def our_calls(batch_n: int) -> dict[str, Call]:
+    """Name of the encoder to a call that returns features."""
+    frames = tabletop_frames(batch_n)[:, None]
     tool = torch.tensor([1.0, *SPEC.centre_m, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0])
-    return tool + torch.randn(batch_n, 1, 10) * 0.01
-
-
-def peers(batch_n: int) -> dict:
-    """Name to call that returns features."""
-    octree = Octree(tabletop_frames(batch_n), SPEC.depth)
-    grid = octree_to_voxels(octree.leaf_features(), octree, 4).contiguous(memory_format=torch.channels_last_3d)
-    masks = [octree_to_voxels(torch.ones(octree.level(d).nodes_n, 1), octree, d) for d in (4, 3)]
-    dense = DensePeer().to(memory_format=torch.channels_last_3d)
-    calls = {"dense Conv3d, channels last": lambda: dense(grid, masks)}
-    ocnn = _ocnn.import_ocnn()
-    if ocnn is not None:
-        rng = np.random.default_rng(0)
-        merged = _ocnn.merge(ocnn, [_ocnn.build_octree(ocnn, tabletop_cloud(rng), SPEC) for _ in range(batch_n)])
-        for nempty, node_set in ((True, "occupied"), (False, "siblings")):
-            peer = _ocnn.VanillaPeer(ocnn, nempty)
-            calls[f"ocnn, {node_set}"] = lambda peer=peer: peer(merged)
-    return calls
-
-
-def bench(batch_n: int, repeats: int) -> None:
-    frames, proprio = tabletop_frames(batch_n)[:, None], proprioception(batch_n)
-    variants = {
+    proprio = tool + torch.randn(batch_n, 1, 10) * 0.01
+    encoders = {
         "vanilla_ocnn, occupied": build_encoder("vanilla_ocnn", stack_n=1),
         "vanilla_ocnn, siblings": build_encoder("vanilla_ocnn", stack_n=1, node_set="siblings"),
         "localising_ocnn": build_encoder("localising_ocnn", stack_n=1),
         "localising_ocnn, no convolution": build_encoder("localising_ocnn", stack_n=1, conv_layers_n=0),
     }
-    ours = {name: lambda encoder=encoder: encoder(frames, proprio) for name, encoder in variants.items()}
-    calls = ours | peers(batch_n)
-    for what in ("forward", "forward + backward"):
-        timed = [(no_grad if what == "forward" else with_backward)(call) for call in calls.values()]
+    return {name: partial(encoder, frames, proprio) for name, encoder in encoders.items()}
+
+
+def peer_calls(batch_n: int) -> dict[str, Call]:
+    """Name of the peer to a call that returns features."""
+    octree = Octree(tabletop_frames(batch_n), SPEC.depth)
+    grid = octree_to_voxels(octree.leaf_features(), octree, 4).contiguous(memory_format=torch.channels_last_3d)
+    masks = [octree_to_voxels(torch.ones(octree.level(d).nodes_n, 1), octree, d) for d in (4, 3)]
+    calls: dict[str, Call] = {DENSE: partial(DensePeer().to(memory_format=torch.channels_last_3d), grid, masks)}
+    ocnn = _ocnn.import_ocnn()
+    if ocnn is not None:
+        rng = np.random.default_rng(0)
+        octrees = [_ocnn.build_octree(ocnn, tabletop_cloud(rng), SPEC) for _ in range(batch_n)]
+        for node_set in ("occupied", "siblings"):
+            peer = _ocnn.VanillaPeer(ocnn, nempty=node_set == "occupied")
+            calls[f"ocnn, {node_set}"] = lambda peer=peer: peer(_ocnn.merge(ocnn, octrees))
+    return calls
+
+
+def bench(batch_n: int, repeats: int) -> None:
+    """Time everything in turns and print each encoder beside its peers."""
+    ours, peers = our_calls(batch_n), peer_calls(batch_n)
+    calls = ours | peers
+    for what, prepare in {"forward": torch.no_grad(), "forward + backward": with_backward}.items():
+        timed = [prepare(call) for call in calls.values()]
         ms = dict(zip(calls, median_ms(*timed, repeats=repeats), strict=True))
         for name in ours:
-            for peer in calls.keys() - ours.keys():
-                print_row(f"{name}, {what}", ms[name], peer, ms[peer], batch=batch_n)
+            same_nodes = "ocnn, siblings" if "siblings" in name else "ocnn, occupied"
+            for peer in (DENSE, same_nodes):
+                if peer in peers:
+                    print_row(f"{name}, {what}", ms[name], peer, ms[peer], batch=batch_n)
 
 
-def no_grad(call):
-    return torch.no_grad()(call)
-
-
-def with_backward(call):
+def with_backward(call: Call) -> Callable[[], None]:
+    """The call, then its gradients."""
     return lambda: call().sum().backward()
 
 
 def main() -> None:
+    """Read the flags and run."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--batch", type=int, default=32)
     parser.add_argument("--threads", type=int, default=1)

@@ -16,6 +16,7 @@ from benchmarks._common import SPEC, median_ms, print_row, tabletop_cloud, table
 from tr_grasp.octree import (
     Octree,
     OctreeConv,
+    OctreeFrame,
     OctreePool,
     octree_from_points,
     octree_to_voxels,
@@ -24,7 +25,8 @@ from tr_grasp.octree import (
 )
 
 
-def collate(frames, with_neighbours: bool = True) -> Octree:
+def collate(frames: OctreeFrame, with_neighbours: bool = True) -> Octree:
+    """What an encoder builds before its first layer."""
     octree = Octree(frames, SPEC.depth)
     octree.leaf_features()
     for depth in (SPEC.depth, SPEC.depth - 1):
@@ -35,6 +37,7 @@ def collate(frames, with_neighbours: bool = True) -> Octree:
 
 
 def bench_build(batch_n: int) -> None:
+    """Clouds to frames, against ocnn's octrees."""
     rng = np.random.default_rng(0)
     clouds = [tabletop_cloud(rng) for _ in range(batch_n)]
     print_row("points to stored octree, one cloud", *median_ms(lambda: octree_from_points(*clouds[0], SPEC)))
@@ -64,6 +67,7 @@ def bench_build(batch_n: int) -> None:
 
 
 def bench_structure(batch_n: int) -> None:
+    """Frames to tables, and frames turned."""
     frames = tabletop_frames(batch_n)
     leaves_n = round(float(frames.leaves_n.float().mean()))
     elements = random_elements(batch_n)
@@ -77,11 +81,12 @@ def bench_structure(batch_n: int) -> None:
 
 
 def bench_operators(batch_n: int) -> None:
+    """Single layers, against dense ones."""
     octree = collate(tabletop_frames(batch_n))
     for depth, inputs, outputs in ((4, 7, 32), (4, 32, 32), (3, 32, 64)):
         conv, dense = OctreeConv(inputs, outputs), nn.Conv3d(inputs, outputs, 3, padding=1, bias=False)
-        x = torch.randn(octree.level(depth).nodes_n, inputs, requires_grad=True)
-        grid = octree_to_voxels(x.detach(), octree, depth).requires_grad_()
+        x = torch.randn(octree.level(depth).nodes_n, inputs, requires_grad=inputs != 7)  # 7: the first layer
+        grid = octree_to_voxels(x.detach(), octree, depth).requires_grad_(inputs != 7)
         ours_ms, peer_ms = median_ms(
             lambda conv=conv, x=x, depth=depth: conv(x, octree, depth).sum().backward(),
             lambda dense=dense, grid=grid: dense(grid).sum().backward(),
@@ -98,6 +103,7 @@ def bench_operators(batch_n: int) -> None:
 
 
 def main() -> None:
+    """Read the flags and run."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--batch", type=int, default=32)
     parser.add_argument("--threads", type=int, default=1)

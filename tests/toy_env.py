@@ -5,17 +5,49 @@ Pure torch, about a millisecond a step, so that trainers can be tested without a
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from tr_grasp.configs import EnvCfg
+from tr_grasp.configs import EnvCfg, TrainCfg
 from tr_grasp.keys import ACTION, EXPERT_ACTION, OCTREE, OUTCOME, PROPRIO, STAGES, SUCCESS
 from tr_grasp.modules import EnvSpec
 from tr_grasp.octree import OctreeFrame, OctreeSpec
 
 REACHED_M = 0.03
+
+
+def train_cfg(**trainer: Any) -> TrainCfg:
+    """A run of a second or two."""
+    cfg = TrainCfg()
+    observation = replace(cfg.env.observation, leaf_capacity=32, stack_n=2)
+    return replace(
+        cfg,
+        env=replace(cfg.env, observation=observation, episode_steps=12),
+        network=replace(cfg.network, features_n=16, actor_hidden_n=(32,), critic_hidden_n=(32,)),
+        algorithm=replace(cfg.algorithm, quantiles_n=5, actor_warmup_updates=5),
+        replay=replace(cfg.replay, capacity=300, batch_size=8),
+        demonstrations=replace(cfg.demonstrations, transitions_n=40),
+        imitation=replace(cfg.imitation, pretrain_updates=5, decay_env_steps=60),
+        trainer=replace(
+            cfg.trainer,
+            **{
+                "env_steps": 120,
+                "updates_per_step": 0.25,
+                "learning_starts": 20,
+                "steps_per_batch": 20,
+                "collector": "inline",
+                "evaluate_every": 60,
+                "evaluate_episodes": 2,
+                "checkpoint_every": 40,
+            }
+            | trainer,
+        ),
+    )
 
 
 def env_spec(cfg: EnvCfg) -> EnvSpec:
@@ -39,7 +71,8 @@ class ToyEnv(EnvBase):
         self.observation_spec = self._make_observation_spec()
         self.action_spec = Bounded(-1, 1, (self.spec_.action_n,))
         self.reward_spec = Unbounded((1,))
-        self.done_spec = Composite({name: Binary(1, (1,), dtype=torch.bool) for name in ("done", "terminated", "truncated")})
+        flags = ("done", "terminated", "truncated")
+        self.done_spec = Composite({name: Binary(1, (1,), dtype=torch.bool) for name in flags})
         self.rng = torch.Generator().manual_seed(0 if seed is None else seed)
 
     def _make_observation_spec(self) -> Composite:
@@ -93,8 +126,9 @@ class ToyEnv(EnvBase):
         out = self._observation(success)
         terminated = torch.tensor([success])
         truncated = torch.tensor([self.steps_n >= self.cfg.episode_steps])
-        done = {"terminated": terminated, "truncated": truncated, "done": terminated | truncated}
-        return out.update({"reward": reward, **done})
+        return out.update(
+            {"reward": reward, "terminated": terminated, "truncated": truncated, "done": terminated | truncated}
+        )
 
     def expert(self) -> torch.Tensor:
         """Straight to the goal, then close."""

@@ -49,7 +49,7 @@ def test_any_text_and_any_number_survive(folder: Path, text: str, number: float)
 
 
 @pytest.mark.parametrize(
-    "text", ["3e-4", "1e6", "yes", "null", "1_000", "~", "- a", "a: b", "#", "", " x ", "2024-01-01"]
+    "text", ["\x85", "é", "3e-4", "1e6", "yes", "null", "1_000", "~", "- a", "a: b", "#", "", " x ", "2024-01-01"]
 )
 def test_text_that_looks_like_something_else_stays_text(folder: Path, text: str) -> None:
     assert load_cfg(NoteCfg(), written(folder, dump_yaml(NoteCfg(text)))).text == text

@@ -61,7 +61,7 @@ def test_a_step_in_words() -> None:
         stages=(True, False, False, False),
         outcome="",
     )
-    assert action_text(step) == "step 12   x +0.31   y -1.00   z +0.00   turn +0.50   close"
+    assert action_text(step) == "step 12    x +0.31   y -1.00   z +0.00   turn +0.50   close"
     assert action_text(replace(step, step=0, action=None)) == "step 0    start"
 
 

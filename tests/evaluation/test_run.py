@@ -16,8 +16,8 @@ from tr_grasp.evaluation.records import EpisodeRecord, read_episodes
 from tr_grasp.evaluation.run import Finished, evaluate
 
 
-def evaluated(out: Path, **options: object) -> Finished | None:
-    suites = suites_for("scripted", episodes=4)
+def evaluated(out: Path, which: str = "all", **options: object) -> Finished | None:
+    suites = suites_for("scripted", episodes=4, which=which)
     return evaluate(load_player("scripted"), suites, out, SOURCE, make_env=make_fake_env, **options)
 
 
@@ -69,11 +69,11 @@ def test_ctrl_c_before_the_first_episode_leaves_nothing_to_report(tmp_path: Path
 
 
 def test_films_of_an_earlier_evaluation_are_replaced(tmp_path: Path) -> None:
-    evaluated(tmp_path, replays_per_suite=3)
-    finished = evaluated(tmp_path, replays_per_suite=1)
+    evaluated(tmp_path, "single", replays_per_suite=2)
+    finished = evaluated(tmp_path, "single", replays_per_suite=1)
     assert finished is not None
     assert sorted((tmp_path / "replays").iterdir()) == sorted(finished.replays)
-    assert len(finished.replays) == 3
+    assert len(finished.replays) == 1
 
 
 def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:

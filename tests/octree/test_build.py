@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import warnings
 from collections import defaultdict
 
 import numpy as np
@@ -95,8 +96,10 @@ def test_points_outside_and_rows_that_are_not_finite_are_left_out() -> None:
     inside = [0.5, 0.5, 0.5]
     points = [inside, [8.0, 1, 1], [-0.001, 1, 1], [np.nan, 1, 1], [np.inf, 1, 1], inside, inside]
     normals = [UP] * 5 + [[np.nan, 0, 1], UP]
-    colours = [[0.25] * 3] * 6 + [[-np.inf, 0, 0]]
-    frame = octree_from_points(points, normals, colours, UNIT)
+    colours = [[0.25] * 3] * 6 + [[-np.inf, np.inf, 0]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        frame = octree_from_points(points, normals, colours, UNIT)
     assert as_dict(frame) == {0: [0, 0, 1, 0, 0.25, 0.25, 0.25]}
 
 

@@ -174,8 +174,8 @@ def test_chunks_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> Non
     features = torch.randn(octree.level(4).nodes_n, 3, requires_grad=True)
     conv = OctreeConv(3, 4)
     results = []
-    for rows in (7, 100_000):
-        monkeypatch.setitem(gather_conv_module._CHUNK_ROWS, "cpu", rows)
+    for elements in (1_000, 1_000_000):
+        monkeypatch.setitem(gather_conv_module._CHUNK_ELEMENTS, "cpu", elements)
         out = conv(features, octree, 4)
         results.append((out, *torch.autograd.grad(out.square().sum(), (features, conv.weight))))
     for a, b in zip(*results, strict=True):

@@ -16,7 +16,7 @@ VERBS = {
     "train": "train a policy from a preset or a YAML file",
     "evaluate": "judge a policy on held-out objects and write a report",
     "compare": "say whether one evaluation is better than another",
-    "play": "watch an agent: zero, random, scripted or a policy",
+    "play": "let an agent play, and film it: zero, random, scripted or a policy",
 }
 """Every verb with its one line of help; verb ``x`` lives in ``tr_grasp.cli.x``."""
 

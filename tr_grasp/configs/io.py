@@ -59,7 +59,7 @@ def preset_names() -> list[str]:
 
 def dump_yaml(cfg: Any) -> str:
     """All settings as YAML; loading the text gives the same settings back."""
-    return yaml.dump(plain(cfg), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
+    return yaml.dump(plain(cfg), Dumper=_Dumper, sort_keys=False, width=120)
 
 
 def _load(default: T, path: Path, seen: tuple[Path, ...]) -> T:

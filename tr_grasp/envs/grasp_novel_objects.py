@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections import deque
 from functools import lru_cache
 from typing import Any
@@ -37,6 +38,7 @@ from tr_grasp.sensing.sapien_camera import SapienCamera
 Array = NDArray[np.floating]
 AGENTS = {"panda": CartesianPanda}
 SETTLE_S, SETTLE_TRIES = 1.2, 6
+COLLECT_GARBAGE_EVERY = 25
 
 
 @lru_cache(maxsize=8)
@@ -72,7 +74,19 @@ class GraspNovelObjectsEnv(BaseEnv):
         kwargs.setdefault("obs_mode", "none")
         kwargs.setdefault("reward_mode", "sparse")
         self._contacts: Contacts | None = None
+        self._scenes_cleared = 0
+        self._link_bodies: list[Body | None] | None = None
         super().__init__(*args, robot_uids=robot, **kwargs)
+
+    def _clear(self) -> None:
+        # As BaseEnv does, but without collecting all garbage of the process each time: with torch loaded that takes
+        # several times as long as everything else about a fresh scene.
+        self._close_viewer()
+        self.agent = self.scene = None
+        self._sensors, self._human_render_cameras, self._hidden_objects = {}, {}, []
+        self._scenes_cleared += 1
+        if self._scenes_cleared % COLLECT_GARBAGE_EVERY == 0:
+            gc.collect()
 
     # ---- scene -------------------------------------------------------------------------------------------------
 
@@ -151,10 +165,11 @@ class GraspNovelObjectsEnv(BaseEnv):
         self._fingers = [by_name[name] for name in self.agent.finger_links]
         fixed = {by_name[name] for name in self.agent.base_links}
         self._arm = [link.entity for link in links if link.entity not in fixed]
-        seen = [
-            (link.entity, link_body(link, FINGER_COLOUR if link.entity in self._fingers else ARM_COLOUR)) for link in links
-        ]
-        seen = [(entity, body) for entity, body in seen if body is not None]
+        if self._link_bodies is None:  # the robot is the same in every scene
+            self._link_bodies = [
+                link_body(link, FINGER_COLOUR if link.entity in self._fingers else ARM_COLOUR) for link in links
+            ]
+        seen = [(link.entity, body) for link, body in zip(links, self._link_bodies, strict=True) if body is not None]
         objects = [Body(m.visual.vertices, m.visual.faces, m.face_colours) for m in self.models]
         self._seen = [entity for entity, _ in seen] + self._entities
         self.raycast = RaycastScene([*(body for _, body in seen), *objects, table_body()])

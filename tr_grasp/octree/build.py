@@ -7,8 +7,8 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from tr_grasp.octree.frame import PADDING, OctreeFrame
-from tr_grasp.octree.morton import code_of_cell
+from tr_grasp.octree.frame import OctreeFrame
+from tr_grasp.octree.morton import code_of_cells
 from tr_grasp.octree.spec import HALF_DIAGONAL, OctreeSpec
 
 _SHORTEST_NORMAL_SUM = 1e-6
@@ -34,77 +34,69 @@ def octree_from_points(
 
     Source: leaf features as in O-CNN (Wang et al. 2017) and drl_grasping 1.1.0.
     """
-    arrays = _checked_arrays({"points": points, "normals": normals} | ({"colours": colours} if spec.colour else {}))
-    codes, rows = _sorted_rows(arrays, spec)
-    if not len(codes):
-        return OctreeFrame.empty(spec)
-    begins = np.empty(len(codes), bool)
-    begins[0] = True
-    np.not_equal(codes[1:], codes[:-1], out=begins[1:])
-    starts = np.flatnonzero(begins)
-    features, counts = _leaf_features(rows, starts)
-    kept = _kept(counts, spec.leaf_capacity)
-
+    columns = _columns({"points": points, "normals": normals} | ({"colours": colours} if spec.colour else {}))
+    codes, columns = _inside(columns, spec)
     frame = OctreeFrame.empty(spec)
-    n = min(len(starts), spec.leaf_capacity)
-    frame.codes[:n] = torch.from_numpy(codes[starts[kept]])
-    frame.features[:n] = torch.from_numpy(features[kept])
+    if not len(codes):
+        return frame
+    counts = np.bincount(codes, minlength=8**spec.depth)
+    kept = _kept_codes(counts, spec.leaf_capacity)
+    frame.codes[: len(kept)] = torch.from_numpy(kept)
+    frame.features[: len(kept)] = torch.from_numpy(_leaf_features(codes, columns, counts, kept)).T
     return frame
 
 
-def _checked_arrays(given: dict[str, ArrayLike | Tensor | None]) -> list[NDArray]:
-    arrays = [value.detach().cpu().numpy() if isinstance(value, Tensor) else np.asarray(value) for value in given.values()]
-    n = len(arrays[0]) if arrays[0].ndim else 0
-    for name, array in zip(given, arrays, strict=True):
+def _columns(given: dict[str, ArrayLike | Tensor | None]) -> NDArray[np.float64]:
+    """``(3 * arrays, n)``: the arrays under each other, one contiguous row for each of their columns."""
+    arrays = {
+        name: value.detach().cpu().numpy() if isinstance(value, Tensor) else np.asarray(value)
+        for name, value in given.items()
+    }
+    n = len(arrays["points"]) if arrays["points"].ndim else 0
+    columns = np.empty((3 * len(arrays), n))
+    for start, (name, array) in zip(range(0, len(columns), 3), arrays.items(), strict=True):
         if array.shape != (n, 3):
             raise ValueError(f"{name} must have shape ({n}, 3), one row for each point; got {array.shape}.")
-    return arrays
+        columns[start : start + 3] = array.T
+    return columns
 
 
-def _sorted_rows(arrays: list[NDArray], spec: OctreeSpec) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
-    """Codes, ascending, of the usable points, and per point: offset from the leaf's centre in leaf units, normal, colour.
+def _inside(columns: NDArray[np.float64], spec: OctreeSpec) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Codes and columns of the finite points in the cube; positions now count from the leaf's centre, in leaf units."""
+    places = columns[:3]
+    places -= np.array(spec.origin_m)[:, None]
+    places *= 1 / spec.leaf_m
+    # A NaN position fails both comparisons; the sum of a point's numbers carries a NaN or infinity from anywhere else.
+    with np.errstate(invalid="ignore"):
+        inside = (places >= 0).all(0) & (places < spec.cells_n).all(0) & np.isfinite(columns.sum(0))
+    columns = columns.take(np.flatnonzero(inside), axis=1)
+    cells = np.floor(columns[:3])
+    columns[:3] -= cells + 0.5
+    return code_of_cells(cells, spec.depth), columns
 
-    Points of a leaf keep their order.
-    """
-    points, *others = arrays
-    places = (points - np.array(spec.origin_m)) * (1 / spec.leaf_m)
-    # A NaN position fails both comparisons; the sum of a row carries a NaN or infinity from anywhere else.
-    x, y, z = ((places >= 0) & (places < spec.cells_n)).T
-    with np.errstate(invalid="ignore", over="ignore"):
-        finite = np.isfinite(sum(array @ np.ones(3, array.dtype) for array in others))
-    usable = np.flatnonzero(x & y & z & finite)
 
-    cells = np.floor(places.take(usable, axis=0))
-    codes = code_of_cell(cells, spec.depth)
-    order = np.argsort(codes, kind="stable")
-    usable = usable[order]
-    offsets = places.take(usable, axis=0) - cells.take(order, axis=0) - 0.5
-    columns = [offsets, *(array.take(usable, axis=0) for array in others)]
-    return codes[order], np.concatenate(columns, axis=1, dtype=np.float64)
+def _kept_codes(counts: NDArray[np.int64], capacity: int) -> NDArray[np.int64]:
+    occupied = np.flatnonzero(counts)
+    if len(occupied) <= capacity:
+        return occupied
+    fullest = np.argsort(-counts[occupied], kind="stable")[:capacity]
+    return np.sort(occupied[fullest])
 
 
 def _leaf_features(
-    rows: NDArray[np.float64], starts: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """``(leaves, channels)``: mean normal of length 1, signed distance, mean colour; and the points of each leaf."""
-    counts = np.append(starts[1:], len(rows)) - starts
-    sums = np.add.reduceat(rows, starts, axis=0)
-    normals = sums[:, 3:6]
-    lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
-    cancelled = lengths < _SHORTEST_NORMAL_SUM
-    if cancelled.any():
-        normals[cancelled] = rows[starts[cancelled], 3:6]
-        lengths[cancelled] = 1.0
-    normals /= lengths[:, None]
+    codes: NDArray[np.int64], columns: NDArray[np.float64], counts: NDArray[np.int64], kept: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """``(channels, leaves)``: mean normal of length 1, signed distance and mean colour of the kept leaves."""
+    leaf_of_code = np.full(len(counts), len(kept))  # leaves that did not fit share one last, ignored place
+    leaf_of_code[kept] = np.arange(len(kept))
+    leaf = leaf_of_code[codes]
+    sums = np.array([np.bincount(leaf, weights=column, minlength=len(kept) + 1)[: len(kept)] for column in columns])
 
-    features = np.empty((len(starts), rows.shape[1] - 2))
-    features[:, :3] = normals
-    features[:, 3] = np.einsum("ij,ij->i", sums[:, :3], normals) / (counts * HALF_DIAGONAL)
-    np.divide(sums[:, 6:], counts[:, None], out=features[:, 4:])
-    return features, counts
-
-
-def _kept(counts: NDArray[np.int64], capacity: int) -> slice | NDArray[np.int64]:
-    if len(counts) <= capacity:
-        return slice(None)
-    return np.sort(np.argsort(-counts, kind="stable")[:capacity])
+    offsets, normals, colours = sums[:3], sums[3:6], sums[6:]
+    lengths = np.sqrt((normals * normals).sum(0))
+    for index in np.flatnonzero(lengths < _SHORTEST_NORMAL_SUM):
+        normals[:, index], lengths[index] = columns[3:6, np.argmax(leaf == index)], 1.0
+    normals /= lengths
+    counts = counts[kept]
+    distances = (offsets * normals).sum(0) / (counts * HALF_DIAGONAL)
+    return np.concatenate([normals, distances[None], colours / counts])

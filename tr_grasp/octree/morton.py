@@ -24,17 +24,17 @@ def encode_cells(cells: NDArray[np.integer], depth: int) -> NDArray[np.int64]:
     return codes
 
 
-def code_of_cell(cells: NDArray[np.float64], depth: int) -> NDArray[np.int16]:
-    """As ``encode_cells``, for whole numbers stored as floats ``(n, 3)`` and depths up to 5; by a table."""
+def code_of_cells(cells: NDArray[np.float64], depth: int) -> NDArray[np.int64]:
+    """Morton codes ``(n,)`` of cells ``(3, n)``, whole numbers stored as floats; by a table, for depths up to 5."""
     side = 2.0**depth
-    return _code_table(depth).take((cells @ np.array([side * side, side, 1.0])).astype(np.intp))
+    return _code_table(depth).take((np.array([side * side, side, 1.0]) @ cells).astype(np.intp))
 
 
 @cache
-def _code_table(depth: int) -> NDArray[np.int16]:
+def _code_table(depth: int) -> NDArray[np.int64]:
     """Code of every cell in row-major order."""
     cells = np.stack(np.meshgrid(*[np.arange(2**depth)] * 3, indexing="ij"), axis=-1)
-    return encode_cells(cells.reshape(-1, 3), depth).astype(np.int16)
+    return encode_cells(cells.reshape(-1, 3), depth)
 
 
 @cache

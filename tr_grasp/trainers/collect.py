@@ -18,6 +18,7 @@ from torchrl.envs import Compose, EnvBase, RewardSum, StepCounter, TransformedEn
 from torchrl.envs.utils import ExplorationType
 
 from tr_grasp.configs import EnvCfg
+from tr_grasp.errors import TrGraspError
 
 EnvMaker = Callable[[EnvCfg, int], EnvBase]
 
@@ -64,8 +65,20 @@ class Collection:
         self.close()
 
     def __iter__(self) -> Iterator[TensorDictBase]:
-        """Chunks with batch ``(steps_per_batch,)``. One worker is at most one chunk ahead of the reader."""
-        yield from self._collector
+        """Chunks with batch ``(steps_per_batch,)``. One worker is at most one chunk ahead of the reader.
+
+        Raises:
+            TrGraspError: A worker ended by itself, for example because memory ran out.
+        """
+        try:
+            yield from self._collector
+        except RuntimeError as error:
+            if not (codes := self._exit_codes()):
+                raise
+            raise TrGraspError(
+                f"a collecting process ended unexpectedly (exit code {codes[0]}; -9 often means that memory ran out); "
+                "what was saved is whole and the run can be resumed."
+            ) from error
 
     def push_weights(self) -> None:
         """Let the workers act with the weights that the policy has now."""
@@ -81,6 +94,11 @@ class Collection:
             torch.set_num_threads(threads_n)
             self._collector = None
 
+    def _exit_codes(self) -> list[int]:
+        """Of the workers that are no more, as far as TorchRL has not closed them itself."""
+        workers = [worker for worker in getattr(self._collector, "procs", []) if not worker._closed]
+        return [worker.exitcode for worker in workers if not worker.is_alive()]
+
     def _start(self) -> Collector | MultiAsyncCollector:
         plan = self._plan
         kind = ExplorationType.DETERMINISTIC if plan.deterministic else ExplorationType.RANDOM
@@ -94,10 +112,13 @@ class Collection:
         if plan.mode == "inline":
             return Collector(_Worker(plan, 0), self._policy, trust_policy=True, **common)
         makers = [_Worker(plan, index) for index in range(plan.workers_n)]
-        with _delayed_interrupt():
-            return _PatientCollector(
-                makers, self._policy, num_threads=torch.get_num_threads(), num_sub_threads=1, **common
-            )
+        threads_n = torch.get_num_threads()
+        try:
+            with _delayed_interrupt():
+                return _PatientCollector(makers, self._policy, num_threads=threads_n, num_sub_threads=1, **common)
+        except TrGraspError as error:
+            # TorchRL appends the worker's traceback to the message.
+            raise type(error)(str(error).partition("\n\nWorker traceback")[0]) from None
 
 
 class _PatientCollector(MultiAsyncCollector):

@@ -1,0 +1,172 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from tensordict import TensorDict
+
+from tests.toy_env import env_spec, make_env, train_cfg
+from tr_grasp.errors import ConfigError, TrGraspError
+from tr_grasp.keys import ACTION, EXPERT_ACTION
+from tr_grasp.modules import build_agent
+from tr_grasp.octree import OctreeFrame
+from tr_grasp.trainers.acting import NoisyPolicy, RandomActions, ScriptedExpert
+from tr_grasp.trainers.collect import Collection, CollectPlan, worker_seed
+
+ROOT = Path(__file__).parents[2]
+
+
+def plan(**changes) -> CollectPlan:
+    cfg = train_cfg()
+    env = replace(cfg.env, observation=replace(cfg.env.observation, expert_labels=True))
+    return replace(CollectPlan(make_env, env, seed=0, segment=1, steps_per_batch=20), **changes)
+
+
+def take(collection: Collection, n: int) -> list[TensorDict]:
+    return [chunk.clone() for chunk, _ in zip(collection, range(n), strict=False)]
+
+
+def refuse_to_start(cfg, seed):
+    raise ConfigError("no such robot")
+
+
+def die_on_start(cfg, seed):
+    class Dying(type(make_env(cfg))):
+        def _step(self, tensordict):
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    return Dying(cfg, seed)
+
+
+def test_chunks_are_consecutive_steps():
+    with Collection(plan(), RandomActions(5)) as collection:
+        first, second = take(collection, 2)
+    steps = torch.cat([first, second])
+    assert isinstance(steps["octree"], OctreeFrame)
+    goes_on = ~steps["next", "done"][:-1, 0]
+    assert torch.equal(steps["next", "proprio"][:-1][goes_on], steps["proprio"][1:][goes_on])
+    assert goes_on.any()
+
+
+@pytest.mark.parametrize("mode", ["inline", "process"])
+def test_the_seed_the_segment_and_the_worker_decide_the_episodes(mode):
+    def goals(**changes) -> torch.Tensor:
+        torch.manual_seed(0)
+        with Collection(plan(mode=mode, **changes), RandomActions(5)) as collection:
+            return take(collection, 1)[0]["octree"].codes[:, 0]
+
+    assert torch.equal(goals(), goals())
+    if mode == "inline":
+        assert not torch.equal(goals(), goals(segment=2))
+        assert not torch.equal(goals(), goals(seed=1))
+    assert len({worker_seed(s, e, w) for s in range(4) for e in range(4) for w in range(4)}) == 64
+
+
+def test_episodes_can_be_cut():
+    with Collection(plan(episode_steps=3), RandomActions(5)) as collection:
+        (chunk,) = take(collection, 1)
+    ends = chunk["next", "done"].flatten().nonzero().flatten()
+    assert ends[:3].tolist() == [2, 5, 8]
+    assert chunk["next", "truncated"][2]
+    assert not chunk["next", "terminated"][2]
+
+
+def test_workers_act_with_the_weights_that_were_pushed():
+    cfg = train_cfg()
+    agent = build_agent(cfg, env_spec(cfg.env))
+    policy = NoisyPolicy(agent.policy.requires_grad_(False), 0.0)
+    with Collection(plan(mode="process", deterministic=True), policy) as collection:
+        chunks = iter(collection)
+        next(chunks)
+        agent.actor.module[0].module.net[-1].weight.zero_()
+        agent.actor.module[0].module.net[-1].bias.fill_(0.5)
+        collection.push_weights()
+        # At most one chunk is under way with the old weights and one half-way through.
+        actions = [next(chunks)[ACTION].clone() for _ in range(4)][-1]
+    torch.testing.assert_close(actions, torch.tensor(0.5).tanh().expand_as(actions))
+
+
+def test_several_workers_all_deliver_and_none_survives():
+    with Collection(plan(mode="process", workers_n=2), RandomActions(5)) as collection:
+        workers = list(collection._collector.procs)
+        seen = {int(chunk["collector", "traj_ids"][0]) for chunk in take(collection, 8)}
+    assert len(seen) > 2
+    assert not any(worker.is_alive() for worker in workers)
+    assert torch.get_num_threads() == 1
+
+
+def test_a_mistake_in_the_settings_is_told_in_the_workers_words_alone():
+    with pytest.raises(ConfigError, match=r"^no such robot$"):
+        Collection(plan(make_env=refuse_to_start, mode="process"), RandomActions(5))
+
+
+def test_a_worker_that_is_killed_is_reported():
+    with (
+        Collection(plan(make_env=die_on_start, mode="process"), RandomActions(5)) as collection,
+        pytest.raises(TrGraspError, match="exit code -9"),
+    ):
+        take(collection, 3)
+
+
+def test_ctrl_c_does_not_reach_the_workers():
+    """A terminal sends it to the whole process group."""
+    script = textwrap.dedent("""
+        import os, signal, sys
+        from tests.trainers.test_collect import plan, take, RandomActions, Collection
+        if __name__ == "__main__":
+            with Collection(plan(mode="process"), RandomActions(5)) as collection:
+                take(collection, 1)
+                try:
+                    os.killpg(os.getpgid(0), signal.SIGINT)
+                    signal.pause()
+                except KeyboardInterrupt:
+                    print("main interrupted")
+                print(len(take(collection, 3)), "chunks after it")
+    """)
+    result = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=120, start_new_session=True
+    )
+    assert result.stdout.split("\n")[:2] == ["main interrupted", "3 chunks after it"], result.stderr
+
+
+def test_noise_moves_the_policys_action_and_stays_in_range():
+    class Constant(RandomActions):
+        def forward(self, tensordict):
+            return tensordict.set(ACTION, torch.full((5,), 0.9))
+
+    noisy = NoisyPolicy(Constant(5), 0.5)
+    actions = torch.stack([noisy(TensorDict())[ACTION] for _ in range(200)])
+    assert actions.max() == 1.0
+    assert 0.2 < actions.std() < 0.5
+    assert torch.equal(NoisyPolicy(Constant(5), 0.0)(TensorDict())[ACTION], torch.full((5,), 0.9))
+
+
+def test_the_expert_keeps_its_noise_for_an_episode_and_its_label_clean():
+    expert = ScriptedExpert((0.0, 1.0), 0.0)
+    label = torch.tensor([0.1, 0.1, 0.1, 0.1, -1.0])
+    noisy_episodes = 0
+    for _ in range(20):
+        moved = []
+        for step in range(6):
+            state = TensorDict({EXPERT_ACTION: label, "step_count": torch.tensor([step])})
+            action = expert(state)[ACTION]
+            moved.append(not torch.equal(action, label))
+            assert torch.equal(state[EXPERT_ACTION], label)
+            assert action[-1] == -1.0
+        assert len(set(moved)) == 1
+        noisy_episodes += moved[0]
+    assert 3 < noisy_episodes < 17
+
+
+def test_the_experts_gripper_is_flipped_now_and_then():
+    expert = ScriptedExpert((), 0.25)
+    state = TensorDict({EXPERT_ACTION: torch.ones(5), "step_count": torch.tensor([1])})
+    flips = sum(float(expert(state.clone())[ACTION][-1]) < 0 for _ in range(400))
+    assert 60 < flips < 140
