@@ -40,6 +40,6 @@ types: setup  ## pyright
 bench: setup  ## every benchmark, JSON rows on the terminal
 	@for script in benchmarks/[a-z]*.py; do echo "# $$script"; $(PYTHON_BIN) $$script || exit 1; done
 
-clean:  ## remove the environment, caches and runs
-	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis build *.egg-info runs reports
+clean:  ## remove the environment and caches; runs stay
+	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis build *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

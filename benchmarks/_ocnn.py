@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 import types
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import torch
@@ -13,19 +15,24 @@ from tr_grasp.octree import OctreeSpec
 
 
 def import_ocnn() -> Any | None:
-    """The library, or ``None``. It imports torchvision for a model that is not used here."""
-    try:
-        import torchvision  # noqa: F401
-    except ImportError:
-        vision, models = types.ModuleType("torchvision"), types.ModuleType("torchvision.models")
-        models.resnet18 = None  # type: ignore[attr-defined]
-        vision.models = models  # type: ignore[attr-defined]
-        sys.modules |= {"torchvision": vision, "torchvision.models": models}
-    try:
-        import ocnn
-    except ImportError:
+    """The library, or ``None``."""
+    if find_spec("ocnn") is None:
         return None
-    return ocnn
+    if find_spec("torchvision") is not None:
+        return import_module("ocnn")
+    # It imports torchvision for a model that is not used here. The stand-ins must not outlive the import: others ask
+    # whether torchvision is there.
+    models = types.ModuleType("torchvision.models")
+    models.resnet18 = None  # type: ignore[attr-defined]
+    vision = types.ModuleType("torchvision")
+    vision.models = models  # type: ignore[attr-defined]
+    stand_ins = {"torchvision": vision, "torchvision.models": models}
+    sys.modules |= stand_ins
+    try:
+        return import_module("ocnn")
+    finally:
+        for name in stand_ins:
+            del sys.modules[name]
 
 
 def build_octree(ocnn: Any, cloud: tuple, spec: OctreeSpec) -> Any:

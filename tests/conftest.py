@@ -6,7 +6,7 @@ import os
 import random
 from collections.abc import Iterable
 
-# A home for compiled kernels and threads must be chosen before torch is imported.
+# Threads are counted when torch is imported.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np

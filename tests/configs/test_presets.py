@@ -5,18 +5,22 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import re
 from collections.abc import Iterator
+from dataclasses import is_dataclass
+from itertools import pairwise
 
 import pytest
 import yaml
 
 import tr_grasp.configs as configs
 from tr_grasp.configs import TrainCfg
-from tr_grasp.configs.build import build, plain
+from tr_grasp.configs.build import build, field_types, plain
 from tr_grasp.configs.io import _PRESETS, load_train_cfg, preset_names
 
 THESIS = {
     "env.control_hz": 2.5,
+    "env.fresh_scene_every_n": 1,
     "env.episode_steps": 100,
     "env.initial_joint_noise_rad": 0.1,
     "env.action.translation_step_m": 0.1,
@@ -43,6 +47,7 @@ THESIS = {
     "network.node_set": "siblings",
     "network.actor_hidden_n": [512, 512],
     "network.critic_hidden_n": [512, 512],
+    "network.log_std_init": 0.0,
     "network.critic_layer_norm": False,
     "network.critic_sees_stages": False,
     "algorithm.critics_n": 2,
@@ -116,7 +121,7 @@ def test_the_package_offers_these_presets() -> None:
     assert preset_names() == ["dagger", "grasp", "smoke", "thesis", "vanilla"]
 
 
-@pytest.mark.parametrize("name", preset_names())
+@pytest.mark.parametrize("name", sorted(set(preset_names()) - {"thesis"}))  # pins its values, whatever ours become
 def test_a_preset_says_only_what_its_parent_does_not(name: str) -> None:
     text = yaml.safe_load((_PRESETS / f"{name}.yaml").read_text()) or {}
     parent = load_train_cfg(text.pop("extends")) if "extends" in text else TrainCfg()
@@ -126,6 +131,28 @@ def test_a_preset_says_only_what_its_parent_does_not(name: str) -> None:
         if dict(leaves(plain(load_train_cfg(name))))[path] == inherited:
             repeated.append(path)
     assert repeated == []
+
+
+def values_that_docstrings_ascribe_to_the_thesis(cfg_class: type, prefix: str = "") -> Iterator[tuple[str, float]]:
+    """Settings whose docstring says ``thesis: 0.1``, with that number."""
+    body = next(iter(ast.parse(inspect.getsource(cfg_class)).body)).body
+    docs = {
+        node.target.id: after.value.value
+        for node, after in pairwise(body)
+        if isinstance(node, ast.AnnAssign) and isinstance(after, ast.Expr)
+    }
+    for name, hint in field_types(cfg_class).items():
+        if is_dataclass(hint):
+            yield from values_that_docstrings_ascribe_to_the_thesis(hint, f"{prefix}{name}.")
+        elif number := re.search(r"thesis: (-?\d+\.?\d*)", docs[name]):
+            yield f"{prefix}{name}", float(number.group(1))
+
+
+def test_the_thesis_preset_keeps_the_word_of_the_docstrings() -> None:
+    found = dict(leaves(plain(load_train_cfg("thesis"))))
+    said = dict(values_that_docstrings_ascribe_to_the_thesis(TrainCfg))
+    assert said["algorithm.target_entropy"] == -5.0
+    assert {path: found[path] for path in said} == said
 
 
 def undocumented_fields(source: str) -> list[str]:

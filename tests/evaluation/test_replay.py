@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,7 +13,7 @@ from tests.evaluation.test_records import BOX
 from tests.evaluation.test_rollouts import suites_for
 from tr_grasp.evaluation.players import load_player
 from tr_grasp.evaluation.records import EpisodeRecord
-from tr_grasp.evaluation.replay import ReplayStep, choose_episodes, record_episode
+from tr_grasp.evaluation.replay import Recorder, ReplayStep, choose_episodes, record_episode
 from tr_grasp.evaluation.replay_view import BAND_PX, ReplayView, action_text, gripper_of
 from tr_grasp.evaluation.rollouts import run_episode
 
@@ -33,11 +34,18 @@ def test_recording_changes_nothing() -> None:
 
 
 def test_recorded_instants_do_not_change_afterwards() -> None:
-    suite = suites_for("scripted", which="single")[0]
-    _, steps = record_episode(make_fake_env(suite.env), load_player("scripted").policy, suite, 0)
-    assert steps[0].proprio[0] == 1
-    assert steps[-1].proprio[0] < 0.5
-    assert not np.array_equal(steps[0].octree.codes.numpy(), steps[-1].octree.codes.numpy())
+    env, recorder = make_fake_env(suites_for("scripted", which="single")[0].env), Recorder()
+    state = env.reset()
+    action = torch.ones(5)
+    recorder(env, 1, action, state)
+    codes = state["octree"][-1].codes.clone()
+    for tensor in (action, state["proprio"], state["octree"].codes):
+        tensor.zero_()
+    (step,) = recorder.steps
+    assert step.action is not None
+    assert step.action.tolist() == [1] * 5
+    assert step.proprio[0] == 1
+    assert torch.equal(step.octree.codes, codes)
 
 
 def test_a_frame_shows_the_scene_and_the_octree_above_the_text() -> None:

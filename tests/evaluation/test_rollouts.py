@@ -9,8 +9,9 @@ import pytest
 import torch
 
 from tests.evaluation.fake_task import make_broken_env, make_fake_env
-from tr_grasp.configs import EnvCfg
+from tr_grasp.configs import EnvCfg, ObservationCfg, TrainCfg
 from tr_grasp.errors import ConfigError, MeshError
+from tr_grasp.evaluation import players
 from tr_grasp.evaluation.players import load_player
 from tr_grasp.evaluation.records import EpisodeRecord, in_order
 from tr_grasp.evaluation.rollouts import play_episode, run_episode, run_suites
@@ -93,6 +94,16 @@ def test_a_watcher_sees_the_start_and_every_step() -> None:
 def test_only_the_expert_is_shown_the_experts_action() -> None:
     assert load_player("scripted").env.observation.expert_labels
     assert not load_player("random").env.observation.expert_labels
+
+
+def test_a_policy_that_learned_from_the_expert_is_judged_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    learned = EnvCfg(control_hz=2.5, observation=ObservationCfg(stack_n=1, expert_labels=True))
+    training = TrainCfg(env=learned)
+    monkeypatch.setattr(players, "shipped_policies", lambda: ["panda"])
+    monkeypatch.setattr(players, "load_policy", lambda name: (torch.nn.Identity(), training))
+    player = load_player("panda")
+    assert player.env == replace(learned, observation=ObservationCfg(stack_n=1))
+    assert player.training == training
 
 
 def test_an_unknown_player_is_one_sentence() -> None:

@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from tests.octree.clouds import SPEC, random_cloud, random_frames
 from tr_grasp.errors import ConfigError
 from tr_grasp.modules.encoders import LocalisingOCNN, StackedEncoder, VanillaOCNN, build_encoder
+from tr_grasp.modules.encoders.localising import OFFSET_SCALE
 from tr_grasp.modules.encoders.readout import MOMENT_SCALE, SpatialReadout
 from tr_grasp.modules.encoders.tool_frame import tool_pose
 from tr_grasp.octree import Octree, OctreeFrame, OctreeSpec, octree_from_points, octree_to_voxels
@@ -203,6 +204,21 @@ def test_a_head_without_preference_reads_mean_and_covariance() -> None:
         torch.testing.assert_close(heads[sample], expected.expand(2, -1))
         torch.testing.assert_close(features[sample, -4:], blocks[mine].amax(0))
     assert not features[1].any()
+
+
+def test_localising_reads_the_mean_point_of_each_block_from_the_tool() -> None:
+    frames, proprio = random_frames(3), random_proprio(3)
+    encoder, seen = LocalisingOCNN(SPEC), []
+    encoder.readout.register_forward_pre_hook(lambda _, arguments: seen.append(arguments))
+    encoder(frames, proprio)
+    _, offsets, blocks = seen[0]
+    octree, tool = Octree(frames, SPEC.depth), tool_pose(proprio, SPEC)
+    points = octree.leaf_points()
+    assert offsets.shape == (blocks.nodes_n, 5)
+    for row, key in enumerate(blocks.keys):
+        sample = blocks.samples[row]
+        offset = OFFSET_SCALE * (points[octree.leaves.keys >> 3 == key].mean(0) - tool.position[sample])
+        torch.testing.assert_close(offsets[row], torch.cat([offset, tool.axes[sample] @ offset]), atol=1e-5, rtol=1e-4)
 
 
 def test_unknown_names_and_foreign_channels_are_refused() -> None:

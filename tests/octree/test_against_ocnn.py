@@ -9,7 +9,7 @@ import torch
 
 from benchmarks._ocnn import build_octree, import_ocnn, merge
 from tests.octree.clouds import SPEC, random_cloud
-from tr_grasp.octree import Octree, octree_conv, octree_from_points, octree_pool
+from tr_grasp.octree import Octree, octree_conv, octree_deconv, octree_from_points, octree_pool
 
 ocnn = import_ocnn()
 pytestmark = pytest.mark.skipif(ocnn is None, reason="ocnn is not installed")
@@ -33,5 +33,10 @@ def test_nodes_features_convolutions_and_pooling_agree(node_set: str) -> None:
     torch.testing.assert_close(octree_conv(features, conv.weights, ours, 4), expected, atol=1e-4, rtol=1e-4)
     pooled = ocnn.nn.OctreeMaxPool(nempty)(expected, theirs, 4)
     torch.testing.assert_close(octree_pool(expected, ours, 4), pooled)
+    deconv = ocnn.nn.OctreeDeconv(5, 4, stride=2, nempty=nempty)
+    finer = deconv(pooled, theirs, 3)
+    torch.testing.assert_close(
+        octree_deconv(pooled, deconv.weights.transpose(1, 2), ours, 3), finer, atol=1e-4, rtol=1e-4
+    )
     coarse = strided(features, theirs, 4)
     torch.testing.assert_close(octree_conv(features, strided.weights, ours, 4, stride=2), coarse, atol=1e-4, rtol=1e-4)

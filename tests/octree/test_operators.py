@@ -52,6 +52,12 @@ def dense_weight(weight: Tensor) -> Tensor:
     return weight.view(side, side, side, *weight.shape[1:]).permute(4, 3, 0, 1, 2)
 
 
+def has_children(octree: Octree, depth: int) -> Tensor:
+    """``(n, 1)``: 1 for a node of ``depth`` with at least one child."""
+    ones = torch.ones(octree.level(depth + 1).nodes_n, 1, dtype=torch.float64)
+    return at_nodes(F.max_pool3d(octree_to_voxels(ones, octree, depth + 1), 2), octree, depth)
+
+
 def assert_same_values_and_gradients(fast: Callable, slow: Callable, *inputs: Tensor) -> None:
     for tensor in inputs:
         tensor.requires_grad_()
@@ -83,7 +89,7 @@ def test_convolution_equals_the_dense_one_at_the_nodes(node_set: str, taps: int,
     def dense(features: Tensor, weight: Tensor) -> Tensor:
         grid = octree_to_voxels(features, octree, 4)
         grid = F.conv3d(grid, dense_weight(weight), stride=stride, padding=1 if taps == 27 else 0)
-        return at_nodes(grid, octree, 4 if stride == 1 else 3)
+        return at_nodes(grid, octree, 4) if stride == 1 else at_nodes(grid, octree, 3) * has_children(octree, 3)
 
     assert_same_values_and_gradients(lambda x, w: octree_conv(x, w, octree, 4, stride), dense, features, weight)
 
@@ -96,7 +102,7 @@ def test_deconvolution_equals_the_dense_transposed_one_at_the_nodes(node_set: st
     weight = torch.randn(taps, 3, 5, dtype=torch.float64)
 
     def dense(features: Tensor, weight: Tensor) -> Tensor:
-        grid = octree_to_voxels(features, octree, 3)
+        grid = octree_to_voxels(features * has_children(octree, 3), octree, 3)
         kernel = dense_weight(weight).transpose(0, 1)
         padding = 1 if taps == 27 else 0
         grid = F.conv_transpose3d(grid, kernel, stride=2, padding=padding, output_padding=1)
@@ -120,13 +126,10 @@ def test_a_single_tap_moves_features_to_the_next_cell_along_x() -> None:
 def test_pooling_equals_the_dense_one_over_the_children_that_exist(node_set: str, depth: int) -> None:
     octree = make_octree(node_set)
     features = torch.randn(octree.level(depth).nodes_n, 3, dtype=torch.float64)
-    some_child = at_nodes(
-        F.max_pool3d(octree_to_voxels(torch.ones_like(features), octree, depth), 2), octree, depth - 1
-    )
 
     def dense_max(features: Tensor) -> Tensor:
         grid = F.max_pool3d(slow_grid(features, octree, depth, fill=-torch.inf), 2)
-        return at_nodes(grid, octree, depth - 1).masked_fill(some_child == 0, 0)
+        return at_nodes(grid, octree, depth - 1).masked_fill(has_children(octree, depth - 1) == 0, 0)
 
     def dense_average(features: Tensor) -> Tensor:
         sums = F.avg_pool3d(octree_to_voxels(features, octree, depth), 2)

@@ -27,6 +27,9 @@ class NetworkCfg:
     actor_hidden_n: tuple[int, ...] = (256, 256)
     """Hidden widths of the actor."""
 
+    log_std_init: float = -1.5
+    """Log standard deviation of the fresh actor; small, so that what was imitated is not drowned in noise (thesis: 0)."""
+
     critic_hidden_n: tuple[int, ...] = (256, 256)
     """Hidden widths of each critic."""
 
@@ -219,7 +222,7 @@ class TrainCfg:
     seed: int = 0
     """Seed of networks, environments and sampling."""
 
-    env: EnvCfg = field(default_factory=lambda: EnvCfg(fresh_scene_every_n=4))
+    env: EnvCfg = field(default_factory=EnvCfg)
     """The task."""
 
     network: NetworkCfg = field(default_factory=NetworkCfg)

@@ -21,7 +21,7 @@ p.lead { color: var(--muted); margin: 0 0 20px; max-width: 70ch; }
 .card { background: var(--card); border: 1px solid var(--line); border-radius: 10px; padding: 16px 18px; }
 .grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(440px, 1fr)); gap: 16px; align-items: start; }
 @media (max-width: 520px) { .grid { grid-template-columns: 1fr; } }
-.wide { grid-column: 1 / -1; }
+.grid + .card { margin-top: 16px; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th { text-align: left; font-weight: 600; color: var(--muted); font-size: 0.82rem; white-space: nowrap; }
@@ -53,9 +53,9 @@ def section(title: str, *blocks: str) -> str:
     return "\n".join([f"<section>\n<h2>{escape(title)}</h2>", *blocks, "</section>"])
 
 
-def card(*blocks: str, is_wide: bool = False) -> str:
-    """A framed box; a wide one takes a whole row of a grid."""
-    return f'<div class="card{" wide" if is_wide else ""}">{"".join(blocks)}</div>'
+def card(*blocks: str) -> str:
+    """A framed box."""
+    return f'<div class="card">{"".join(blocks)}</div>'
 
 
 def grid(blocks: Iterable[str]) -> str:

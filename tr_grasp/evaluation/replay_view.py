@@ -20,7 +20,7 @@ BAND = (24, 30, 42)
 TEXT = (226, 232, 240)
 MUTED = (122, 134, 153)
 GOOD = (52, 168, 104)
-BAD = (214, 84, 74)
+BAD = (240, 122, 110)
 STAGES = ("reach", "touch", "grasp", "lift")
 
 

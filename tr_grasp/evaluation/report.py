@@ -12,7 +12,7 @@ from typing import Any
 from tr_grasp.configs import EnvCfg, TrainCfg
 from tr_grasp.configs.build import leaf_types
 from tr_grasp.evaluation import page
-from tr_grasp.evaluation.plots import DARK, LIGHT, plots_of
+from tr_grasp.evaluation.plots import DARK, LIGHT, Plot, plots_of
 from tr_grasp.evaluation.provenance import Provenance
 from tr_grasp.evaluation.records import EpisodeRecord, by_suite, in_order
 from tr_grasp.evaluation.statistics import MeanStd, wilson_interval
@@ -88,7 +88,7 @@ def report_html(evaluation: Evaluation, replays: Sequence[Shown] = ()) -> str:
     """
     title = f"{evaluation.player} on {describe_objects(evaluation.suites[0].env)}"
     sections = [_header(title, evaluation), page.section("Results", page.card(summary_table(evaluation.summaries)))]
-    sections.append(page.section("In pictures", page.grid(_plots(evaluation.records))))
+    sections.append(page.section("In pictures", *_plots(evaluation.records)))
     if replays:
         note = '<p class="lead">Left the scene, right the octree that the policy was given and its gripper.</p>'
         sections.append(page.section("Replays", note, page.grid(_replay(shown) for shown in replays)))
@@ -151,11 +151,13 @@ def _header(title: str, evaluation: Evaluation) -> str:
 
 
 def _plots(records: Sequence[EpisodeRecord]) -> list[str]:
+    """Narrow plots beside each other, wide ones below."""
     plots = plots_of(in_order(records), by_family(records), by_number(records))
-    return [
-        page.card(page.themed_picture(plot.png(LIGHT), plot.png(DARK), plot.title), is_wide=plot.is_wide)
-        for plot in plots
-    ]
+    return [page.grid(map(_plot, (p for p in plots if not p.is_wide))), *map(_plot, (p for p in plots if p.is_wide))]
+
+
+def _plot(plot: Plot) -> str:
+    return page.card(page.themed_picture(plot.png(LIGHT), plot.png(DARK), plot.title))
 
 
 def _replay(shown: Shown) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import torch
 from tensordict import TensorDictBase
@@ -20,6 +20,7 @@ from tr_grasp.evaluation.players import Player, Policy, load_player
 from tr_grasp.evaluation.records import EpisodeRecord
 from tr_grasp.evaluation.suites import Suite
 from tr_grasp.keys import ACTION, OUTCOME, STAGES, SUCCESS
+from tr_grasp.objects import ObjectModel
 
 EnvMaker = Callable[[EnvCfg], EnvBase]
 PlayerLoader = Callable[[str], Player]
@@ -74,7 +75,7 @@ def run_episode(env: EnvBase, policy: Policy, suite: Suite, episode: int, watch:
     started = time.perf_counter()
     end, steps, reward = play_episode(env, policy, suite.seed(episode), watch)
     reached, touched, grasped, lifted = (bool(flag) for flag in end[STAGES])
-    models = env.task.models
+    models = cast("Sequence[ObjectModel]", env.task.models)
     return EpisodeRecord(
         suite=suite.name,
         episode=episode,

@@ -138,4 +138,5 @@ def _save_films(folder: Path, shown: Sequence[Shown]) -> tuple[Path, ...]:
     for film in shown:
         end = "success" if film.replayed.success else "failure"
         paths.append(folder / f"{film.evaluated.suite}_seed{film.evaluated.seed}_{end}.gif")
+        write_atomically(paths[-1], film.gif)
     return tuple(paths)

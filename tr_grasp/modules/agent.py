@@ -95,7 +95,7 @@ def build_agent(cfg: TrainCfg, env_spec: EnvSpec) -> Agent:
         features_n=net.features_n,
     )
     features_n = encoder.features_n
-    actor = GaussianActor(features_n, env_spec.action_n, net.actor_hidden_n)
+    actor = GaussianActor(features_n, env_spec.action_n, net.actor_hidden_n, net.log_std_init)
     critics = [
         QuantileCritic(
             features_n,

@@ -21,11 +21,26 @@ def mlp(in_n: int, hidden_n: Sequence[int], out_n: int, *, layer_norm: bool = Fa
 
 
 class GaussianActor(nn.Module):
-    """Mean and standard deviation of the action before it is squashed by tanh."""
+    """Mean and standard deviation of the action before it is squashed by tanh.
 
-    def __init__(self, features_n: int, action_n: int, hidden_n: Sequence[int] = (256, 256)) -> None:
+    Args:
+        features_n: Features read.
+        action_n: Components of the action.
+        hidden_n: Hidden widths.
+        log_std_init: Log standard deviation that the fresh network gives on average.
+    """
+
+    def __init__(
+        self,
+        features_n: int,
+        action_n: int,
+        hidden_n: Sequence[int] = (256, 256),
+        log_std_init: float = 0.0,
+    ) -> None:
         super().__init__()
         self.net = mlp(features_n, hidden_n, 2 * action_n)
+        with torch.no_grad():
+            self.net[-1].bias[action_n:] += log_std_init
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """``(*batch, features_n)`` to mean and standard deviation, each ``(*batch, action_n)``."""

@@ -1,7 +1,8 @@
 """Convolution, pooling and voxels on the nodes of an ``Octree``.
 
 Features are ``(nodes, channels)``, rows in the order of ``octree.level(depth)``. A convolution equals the dense one on
-the full grid with zeros where there is no node, read off at the nodes.
+the full grid with zeros where there is no node, read off at the nodes. Across depths only nodes that have children take
+part, as in O-CNN: the others get zeros from below and give nothing to it.
 """
 
 from __future__ import annotations

@@ -202,11 +202,14 @@ class Octree:
     def strided_tables(self, depth: int, taps: int) -> tuple[Tensor, Tensor]:
         """Nodes of ``depth`` that each node of ``depth - 1`` reads with stride 2, and the adjoint of that table.
 
-        Both int32: ``(coarse, taps)`` and ``(fine, taps)``; 27 taps lie about the first child, 1 is the first child.
+        Both int32: ``(coarse, taps)`` and ``(fine, taps)``; 27 taps lie about the first child, 1 is the first child. A
+        coarse node without children, among siblings, reads nothing and is not read (O-CNN).
         """
         if (depth, taps) not in self._strided:
             fine, coarse = self.level(depth), self.level(depth - 1)
             table = fine.around(coarse, scale=2) if taps == 27 else self.children(depth - 1)[:, :1]
+            childless = self.children_n(depth - 1) == 0
+            table = table.masked_fill(childless[:, None], fine.nodes_n)
             self._strided[depth, taps] = table, adjoint_table(table, fine.nodes_n)
         return self._strided[depth, taps]
 

@@ -125,8 +125,8 @@ class Learner:
         path = self._folder / BROKEN_BATCH_FILE
         content = {"batch": batch.detach().cpu().to_dict(), "learner": self.state_dict()}
         write_atomically(path, lambda file: torch.save(content, file))
-        values = ", ".join(f"{name} {float(value):g}" for name, value in losses.items())
+        values = ", ".join(f"{name} {value.item():g}" for name, value in losses.items())
         raise TrainingDivergedError(
-            f"training diverged at update {self.updates}: {values}, gradient norm {float(norm):g}; "
+            f"training diverged at update {self.updates}: {values}, gradient norm {norm.item():g}; "
             f"the batch and the networks before the update are in '{path}'."
         )

@@ -70,27 +70,26 @@ class Averages:
 
 
 class Clock:
-    """Wall time of a run over all its sessions, and rates since the last look."""
+    """Wall time of a run over all its sessions, and the pace of this one."""
 
     def __init__(self, wall_s: float = 0.0) -> None:
         self._offset = wall_s - time.monotonic()
-        self._last = (wall_s, 0, 0)
-        self._session: tuple[float, int] | None = None
+        self.begin(0, 0)
 
     @property
     def wall_s(self) -> float:
         """Seconds that the run has taken."""
         return time.monotonic() + self._offset
 
+    def begin(self, env_steps: int, updates: int) -> None:
+        """From here on the pace is measured."""
+        self._began = self._last = (self.wall_s, env_steps, updates)
+
     def rates(self, env_steps: int, updates: int) -> dict[str, float]:
-        """Steps and updates per second since the last call (0 at the first)."""
+        """Steps and updates per second since the last call."""
         wall_s, steps_before, updates_before = self._last
-        elapsed = max(self.wall_s - wall_s, 1e-9)
-        first = self._session is None
-        self._session = self._session or (self.wall_s, env_steps)
         self._last = (self.wall_s, env_steps, updates)
-        if first:
-            return {}
+        elapsed = max(self._last[0] - wall_s, 1e-9)
         return {
             "rate/env_steps_per_s": (env_steps - steps_before) / elapsed,
             "rate/updates_per_s": (updates - updates_before) / elapsed,
@@ -98,10 +97,10 @@ class Clock:
 
     def eta_s(self, env_steps: int, total: int) -> float | None:
         """Seconds left at the pace of this session; None before there is one."""
-        if self._session is None or env_steps <= self._session[1]:
+        wall_s, steps_before, _ = self._began
+        if env_steps <= steps_before:
             return None
-        began_s, began_steps = self._session
-        return (total - env_steps) * (self.wall_s - began_s) / (env_steps - began_steps)
+        return max(0, total - env_steps) * (self.wall_s - wall_s) / (env_steps - steps_before)
 
 
 def progress_line(row: Mapping[str, float], total: int, eta_s: float | None) -> str:
@@ -109,8 +108,7 @@ def progress_line(row: Mapping[str, float], total: int, eta_s: float | None) -> 
     parts = [f"{int(row['env_steps']):>7}/{total} steps", f"{int(row['updates']):>6} updates"]
     if "train/success" in row:
         parts.append(f"success {100 * row['train/success']:3.0f} % of last {RECENT_EPISODES_N}")
-    if "rate/env_steps_per_s" in row:
-        parts.append(f"{row['rate/env_steps_per_s']:.0f} steps/s, {row['rate/updates_per_s']:.1f} updates/s")
+    parts.append(f"{row['rate/env_steps_per_s']:.0f} steps/s, {row['rate/updates_per_s']:.1f} updates/s")
     parts.append(f"{clock_text(row['wall_s'])} elapsed")
     if eta_s is not None:
         parts.append(f"{clock_text(eta_s)} left")

@@ -115,6 +115,7 @@ class Trainer:
             with self._interrupt:
                 self._record_demonstrations()
                 self._pretrain()
+                self._clock.begin(self._env_steps, self._learner.updates)
                 while self._env_steps < self._cfg.trainer.env_steps and not self._interrupt.requested:
                     self._collect_and_learn()
                     self._checkpoint()
@@ -184,15 +185,16 @@ class Trainer:
                 self._improve(len(chunk))
                 self._push()
                 collection.push_weights()
-                done = self._env_steps >= cfg.env_steps or self._interrupt.requested
                 scores = self._evaluate() if self._passed(before, cfg.evaluate_every) or self._ends_unjudged() else {}
-                if scores or done or self._passed(before, LOG_EVERY):
+                done = self._env_steps >= cfg.env_steps or self._interrupt.requested
+                checkpoint_due = self._passed(before, cfg.checkpoint_every)
+                if scores or done or checkpoint_due or self._passed(before, LOG_EVERY):
                     self._log(scores)
                 if done or (is_random and self._env_steps >= cfg.random_steps):
                     return
-                if self._passed(before, cfg.checkpoint_every):
-                    if cfg.collector == "inline":
-                        return
+                if checkpoint_due and cfg.collector == "inline":
+                    return
+                if checkpoint_due:
                     self._checkpoint()
 
     def _store(self, chunk: TensorDictBase) -> None:
