@@ -84,7 +84,11 @@ def main() -> None:
     vulkan, _ = probe_vulkan()
     stock = row("stock ManiSkill PickCube-v1, pointcloud", stock_step_times()) if vulkan else None
     row("step with octree observation", step_times(EnvCfg()), stock)
-    row("step with octree observation and expert label", step_times(EnvCfg(observation=ObservationCfg(expert_labels=True))), stock)
+    row(
+        "step with octree observation and expert label",
+        step_times(EnvCfg(observation=ObservationCfg(expert_labels=True))),
+        stock,
+    )
     for size in (64, 80, 128):
         sapien = row(f"SAPIEN camera {size} x {size}", camera_times("sapien", size)) if vulkan else None
         row(f"ray-cast camera {size} x {size}", camera_times("raycast", size), sapien)

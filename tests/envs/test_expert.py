@@ -27,7 +27,13 @@ def fly(position, yaw, target_yaw, width=0.05, steps=40):
     return path, action
 
 
-@given(x=st.floats(0.38, 0.62), y=st.floats(-0.12, 0.12), z=st.floats(0.02, 0.25), yaw=st.floats(-1.8, 1.8), goal=st.floats(0, 3.1))
+@given(
+    x=st.floats(0.38, 0.62),
+    y=st.floats(-0.12, 0.12),
+    z=st.floats(0.02, 0.25),
+    yaw=st.floats(-1.8, 1.8),
+    goal=st.floats(0, 3.1),
+)
 def test_from_anywhere_the_expert_closes_at_the_grasp_within_ten_seconds(x, y, z, yaw, goal):
     path, action = fly([x, y, z], yaw, goal)
     assert action[4] == CLOSE
@@ -45,7 +51,8 @@ def test_the_tool_comes_down_only_where_it_is_above_the_grasp(x, y):
 
 def test_a_gripper_that_closed_on_nothing_opens_and_rises():
     action = expert_action(tool(TARGET, closing=True, opening=0.0), TARGET, 0.0, 0.05, ACTION)
-    assert action[4] == OPEN and action[2] > 0
+    assert action[4] == OPEN
+    assert action[2] > 0
 
 
 def test_the_nearer_of_two_equal_grasps_is_chosen():

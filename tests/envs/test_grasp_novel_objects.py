@@ -105,7 +105,8 @@ def test_the_expert_lifts_most_single_objects_and_the_stages_pay_400():
         last = steps[-1]["next"]
         ends.append(bool(last[keys.SUCCESS]))
         if ends[-1]:
-            assert bool(last["terminated"]) and not bool(last["truncated"])
+            assert bool(last["terminated"])
+            assert not bool(last["truncated"])
             assert int(last[keys.OUTCOME]) == Outcome.LIFTED
             ground_contacts = round(400 - 0.005 * len(steps) - float(steps["next", "reward"].sum()))
             assert 0 <= ground_contacts <= len(steps)
@@ -117,7 +118,8 @@ def test_an_idle_robot_is_truncated_not_terminated():
     env = make_env(EnvCfg(objects=ONE, episode_steps=5), seed=3)
     steps = env.rollout(50, lambda td: td.set(keys.ACTION, torch.tensor([0.0, 0, 0, 0, 1])))
     assert len(steps) == 5
-    assert bool(steps[-1]["next", "truncated"]) and not bool(steps[-1]["next", "terminated"])
+    assert bool(steps[-1]["next", "truncated"])
+    assert not bool(steps[-1]["next", "terminated"])
     assert int(steps[-1]["next", keys.OUTCOME]) == Outcome.NEVER_REACHED
     assert float(steps["next", "reward"].sum()) == pytest.approx(-0.025)
     env.close()
@@ -131,7 +133,8 @@ def test_an_episode_without_objects_in_reach_ends_as_fallen_out(env):
         pose.p = [0.9, 0.5, 0.05]
         entity.pose = pose
     after = env.step(start.set(keys.ACTION, torch.tensor([0.0, 0, 0, 0, 1])))["next"]
-    assert bool(after["terminated"]) and not bool(after[keys.SUCCESS])
+    assert bool(after["terminated"])
+    assert not bool(after[keys.SUCCESS])
     assert int(after[keys.OUTCOME]) == Outcome.FELL_OUT
 
 

@@ -48,7 +48,14 @@ def test_a_block_wider_than_the_opening_cannot_be_taken():
 
 
 def test_an_empty_table_offers_nothing():
-    assert len(top_down_grasps(HeightMap(np.zeros((N, N)), np.full((N, N), -1), (AXIS[0], AXIS[0]), CELL), np.zeros((0, 2)))) == 0
+    assert (
+        len(
+            top_down_grasps(
+                HeightMap(np.zeros((N, N)), np.full((N, N), -1), (AXIS[0], AXIS[0]), CELL), np.zeros((0, 2))
+            )
+        )
+        == 0
+    )
 
 
 def test_a_wall_beside_a_block_turns_the_grasp_or_lifts_it():

@@ -8,7 +8,8 @@ from tr_grasp.modules import imitation_loss
 
 
 def test_a_case_by_hand():
-    # One motion is 0.5 off: Huber(0.3) = 0.3 * (0.5 - 0.15) = 0.105, times 2. The gripper's logit is 0: ln 2, times 0.3.
+    # One motion is 0.5 off: Huber(0.3) = 0.3 * (0.5 - 0.15) = 0.105, times 2.
+    # The gripper's logit is 0: ln 2, times 0.3.
     mean = torch.zeros(1, 5)
     expert = torch.tensor([[0.5, 0.0, 0.0, 0.0, 1.0]])
     expected = 2 * 0.105 + 0.3 * math.log(2)

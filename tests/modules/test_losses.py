@@ -114,7 +114,7 @@ def test_features_that_the_caller_encoded_are_used_instead_of_a_pass_over_the_ob
     expected = loss(batch.clone())
     torch.manual_seed(1)
     got = loss(batch.clone().set("actor_features", loss.encode(batch)))
-    for name in expected.keys():
+    for name in expected.keys():  # noqa: SIM118 -- a TensorDict iterates over its batch
         assert expected[name] == got[name]
 
 
@@ -208,6 +208,24 @@ def test_a_truncated_episode_bootstraps_and_a_terminated_one_does_not():
     reward = batch["next", "reward"].expand_as(targets)
     assert torch.equal(targets[terminated], reward[terminated])
     assert not torch.isclose(targets[truncated], reward[truncated]).any()
+
+
+def test_target_critics_read_the_target_encoder_and_nothing_else_does():
+    loss = make_loss()
+    batch = make_batch()
+
+    def run():
+        torch.manual_seed(0)
+        return loss(batch.clone()).detach()
+
+    before = run()
+    with torch.no_grad():
+        for parameter in loss.target_encoder_network_params.values(True, True):
+            parameter.data += 0.5
+    after = run()
+    assert before["loss_qvalue"] != after["loss_qvalue"]
+    for name in ("loss_actor", "loss_alpha", "entropy"):
+        assert before[name] == after[name]
 
 
 def with_features(loss: EncodedTQCLoss, batch: TensorDict) -> TensorDict:
@@ -313,9 +331,7 @@ def test_without_a_drop_all_atoms_stay(fix_log_prob):
     assert targets_of(loss, table_batch(POOLED, POOLED, [0.0], [False])).shape == (1, 6)
 
 
-@pytest.mark.parametrize(
-    ("target", "expected"), [(0.5, 0.0625), (2.0, 0.75), (-2.0, 0.75), (1.0, 0.25), (0.0, 0.0)]
-)
+@pytest.mark.parametrize(("target", "expected"), [(0.5, 0.0625), (2.0, 0.75), (-2.0, 0.75), (1.0, 0.25), (0.0, 0.0)])
 def test_one_quantile_against_one_atom(fix_log_prob, target, expected):
     fix_log_prob([0.0])
     loss = table_loss(1, 1, drop=0, alpha=0.1)
@@ -334,18 +350,14 @@ def test_two_quantiles_against_one_atom(fix_log_prob, target):
 def test_the_actor_sees_the_whole_mixture(fix_log_prob):
     fix_log_prob([-2.0])
     loss = table_loss(3, 2, drop=1, alpha=0.1)
-    torch.testing.assert_close(
-        loss(table_batch(POOLED, POOLED, [0.0], [True]))["loss_actor"], torch.tensor(-6.7)
-    )
+    torch.testing.assert_close(loss(table_batch(POOLED, POOLED, [0.0], [True]))["loss_actor"], torch.tensor(-6.7))
 
 
 @pytest.mark.parametrize(("log_prob", "expected"), [(-3.0, -23.025850929940454), (9.0, 4.605170185988091)])
 def test_the_temperature_rises_when_entropy_is_too_low(fix_log_prob, log_prob, expected):
     fix_log_prob([log_prob])
     loss = table_loss(3, 2, drop=1, alpha=0.1, target_entropy=-7.0)
-    torch.testing.assert_close(
-        loss(table_batch(POOLED, POOLED, [0.0], [True]))["loss_alpha"], torch.tensor(expected)
-    )
+    torch.testing.assert_close(loss(table_batch(POOLED, POOLED, [0.0], [True]))["loss_alpha"], torch.tensor(expected))
 
 
 def test_it_agrees_with_the_oracle_and_with_recorded_numbers(fix_log_prob):

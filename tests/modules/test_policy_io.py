@@ -72,7 +72,9 @@ def test_missing_weights_are_named(saved):
         load_policy(saved[0])
 
 
-@pytest.mark.parametrize("damage", [lambda content: content[: len(content) // 2], lambda content: b"no tensors", lambda _: b""])
+@pytest.mark.parametrize(
+    "damage", [lambda content: content[: len(content) // 2], lambda content: b"no tensors", lambda _: b""]
+)
 def test_a_damaged_file_is_corrupt(saved, damage):
     path = saved[0] / "policy.safetensors"
     path.write_bytes(damage(path.read_bytes()))

@@ -51,7 +51,8 @@ def test_inverse_kinematics_stops_at_the_joint_limits():
 def test_a_target_never_leaves_the_limits(step, turn):
     start = ToolTarget(np.array([0.5, 0.0, 0.1]), 0.0)
     target = next_target(start, start.position, step, turn, LIMITS)
-    assert (target.position >= LIMITS.lower_m).all() and (target.position <= LIMITS.upper_m).all()
+    assert (target.position >= LIMITS.lower_m).all()
+    assert (target.position <= LIMITS.upper_m).all()
     assert abs(target.yaw_rad) <= LIMITS.yaw_rad
 
 

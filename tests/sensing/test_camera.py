@@ -37,7 +37,8 @@ def test_a_table_gives_upward_normals_and_its_height():
     assert len(cloud.points) > 50
     np.testing.assert_allclose(cloud.points[:, 2], 0, atol=1e-6)
     np.testing.assert_allclose(cloud.normals, np.broadcast_to([0, 0, 1], cloud.normals.shape), atol=1e-4)
-    assert (cloud.points >= [0.4, -0.1, -0.01]).all() and (cloud.points < [0.6, 0.1, 0.2]).all()
+    assert (cloud.points >= [0.4, -0.1, -0.01]).all()
+    assert (cloud.points < [0.6, 0.1, 0.2]).all()
 
 
 def test_normals_do_not_bend_at_a_step_in_depth():

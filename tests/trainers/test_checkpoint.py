@@ -84,6 +84,12 @@ def test_foreign_files_and_other_versions_are_refused(tmp_path):
         load_checkpoint(tmp_path / "newer.pt")
 
 
+def test_a_checkpoint_without_its_parts_is_refused(tmp_path):
+    save_checkpoint(tmp_path / "c.pt", {"rows": []})
+    with pytest.raises(CheckpointError, match="session is missing"):
+        load_checkpoint(tmp_path / "c.pt", ("session", "rows"))
+
+
 def test_code_in_a_file_is_not_run(tmp_path):
     class Evil:
         def __reduce__(self):

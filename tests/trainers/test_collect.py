@@ -17,7 +17,7 @@ from tr_grasp.errors import ConfigError, TrGraspError
 from tr_grasp.keys import ACTION, EXPERT_ACTION
 from tr_grasp.modules import build_agent
 from tr_grasp.octree import OctreeFrame
-from tr_grasp.trainers.acting import NoisyPolicy, RandomActions, ScriptedExpert
+from tr_grasp.trainers.acting import ExploringPolicy, RandomActions, ScriptedExpert
 from tr_grasp.trainers.collect import Collection, CollectPlan, worker_seed
 
 ROOT = Path(__file__).parents[2]
@@ -84,7 +84,7 @@ def test_episodes_can_be_cut():
 def test_workers_act_with_the_weights_that_were_pushed():
     cfg = train_cfg()
     agent = build_agent(cfg, env_spec(cfg.env))
-    policy = NoisyPolicy(agent.policy.requires_grad_(False), 0.0)
+    policy = ExploringPolicy(agent.policy.requires_grad_(False), 0.0)
     with Collection(plan(mode="process", deterministic=True), policy) as collection:
         chunks = iter(collection)
         next(chunks)
@@ -144,11 +144,11 @@ def test_noise_moves_the_policys_action_and_stays_in_range():
         def forward(self, tensordict):
             return tensordict.set(ACTION, torch.full((5,), 0.9))
 
-    noisy = NoisyPolicy(Constant(5), 0.5)
+    noisy = ExploringPolicy(Constant(5), 0.5)
     actions = torch.stack([noisy(TensorDict())[ACTION] for _ in range(200)])
     assert actions.max() == 1.0
     assert 0.2 < actions.std() < 0.5
-    assert torch.equal(NoisyPolicy(Constant(5), 0.0)(TensorDict())[ACTION], torch.full((5,), 0.9))
+    assert torch.equal(ExploringPolicy(Constant(5), 0.0)(TensorDict())[ACTION], torch.full((5,), 0.9))
 
 
 def test_the_expert_keeps_its_noise_for_an_episode_and_its_label_clean():

@@ -22,7 +22,7 @@ def run(folder, evaluate, *, resume=False):
     cfg = load_train_cfg("smoke")
     trainer = Trainer(cfg, RunFolder(folder), make_env=make_env, env_spec=env_spec(cfg.env), evaluate=evaluate)
     trainer.run(resume=resume)
-    return load_checkpoint(folder / "checkpoint.pt")
+    return load_checkpoint(folder / "checkpoint.pt")["session"]
 
 
 def test_an_interrupted_and_resumed_run_equals_an_uninterrupted_one(tmp_path):
@@ -37,7 +37,7 @@ def test_an_interrupted_and_resumed_run_equals_an_uninterrupted_one(tmp_path):
     whole = run(tmp_path / "whole", lambda policy: {"success": 0.0})
     with pytest.raises(Crash):
         run(tmp_path / "parts", crash_the_second_time)
-    assert load_checkpoint(tmp_path / "parts" / "checkpoint.pt")["counters"]["env_steps"] == 40
+    assert load_checkpoint(tmp_path / "parts" / "checkpoint.pt")["session"]["counters"]["env_steps"] == 40
     torch.rand(17)  # a new process has another state
     parts = run(tmp_path / "parts", lambda policy: {"success": 0.0}, resume=True)
     for table in ("observations", "transitions"):

@@ -61,7 +61,7 @@ def test_an_interrupted_and_resumed_run_equals_an_uninterrupted_one(tmp_path, cr
     whole = trainer(tmp_path / "whole", cfg, evaluate=lambda policy: {"success": 0.5}).run()
     with pytest.raises(Crash):
         trainer(tmp_path / "parts", cfg, evaluate=crash_at(crash_steps, cfg)).run()
-    reached = load_checkpoint(tmp_path / "parts" / "checkpoint.pt")["counters"]["env_steps"]
+    reached = load_checkpoint(tmp_path / "parts" / "checkpoint.pt")["session"]["counters"]["env_steps"]
     assert reached == {60: 40, 120: 80}[crash_steps]
     torch.rand(17)  # a new process has another state
     resumed = trainer(tmp_path / "parts", cfg, evaluate=lambda policy: {"success": 0.5}).run(resume=True)
@@ -111,7 +111,7 @@ def test_the_evaluated_policy_has_the_learners_weights(tmp_path):
 
     run = trainer(tmp_path / "run", evaluate=evaluate)
     run.run()
-    assert all(torch.equal(a, b) for a, b in zip(seen[-1], run._agent.policy.parameters(), strict=True))
+    assert all(torch.equal(a, b) for a, b in zip(seen[-1], run._session.agent.policy.parameters(), strict=True))
 
 
 def test_ctrl_c_ends_the_run_with_a_checkpoint_that_can_be_resumed(tmp_path):
@@ -122,7 +122,7 @@ def test_ctrl_c_ends_the_run_with_a_checkpoint_that_can_be_resumed(tmp_path):
     result = trainer(tmp_path / "run", evaluate=interrupt).run()
     assert result.interrupted
     assert result.env_steps == 60
-    assert load_checkpoint(tmp_path / "run" / "checkpoint.pt")["counters"]["env_steps"] == 60
+    assert load_checkpoint(tmp_path / "run" / "checkpoint.pt")["session"]["counters"]["env_steps"] == 60
     resumed = trainer(tmp_path / "run", evaluate=lambda policy: {"success": 0.0}).run(resume=True)
     assert (resumed.env_steps, resumed.interrupted) == (120, False)
 
@@ -138,18 +138,18 @@ def test_ctrl_c_while_demonstrations_are_recorded_keeps_them(tmp_path):
 
 def test_a_diverging_run_stops_and_its_last_checkpoint_stays(tmp_path, monkeypatch):
     run = trainer(tmp_path / "run", evaluate=lambda policy: {"success": 0.0})
-    draw = run._sampler.mixed
+    draw = run._session.sampler.mixed
 
     def poisoned():
         batch = draw()
-        if run._env_steps > 80:
+        if run._session.counters.env_steps > 80:
             batch["next", "reward"][0] = float("inf")
         return batch
 
-    monkeypatch.setattr(run._sampler, "mixed", poisoned)
+    monkeypatch.setattr(run._session.sampler, "mixed", poisoned)
     with pytest.raises(TrainingDivergedError, match="diverged_batch"):
         run.run()
-    assert load_checkpoint(tmp_path / "run" / "checkpoint.pt")["counters"]["env_steps"] == 80
+    assert load_checkpoint(tmp_path / "run" / "checkpoint.pt")["session"]["counters"]["env_steps"] == 80
     assert (tmp_path / "run" / "diverged_batch.pt").is_file()
 
 
@@ -177,7 +177,7 @@ def test_imitating_every_visited_state_needs_no_reinforcement(tmp_path):
     cfg = replace(cfg, imitation=replace(cfg.imitation, states="all", reinforcement=False))
     run = trainer(tmp_path / "run", cfg)
     run.run()
-    assert run._experience.sample(20)["expert_action"].any(dim=1).all()
+    assert run._session.experience.sample(20)["expert_action"].any(dim=1).all()
 
 
 def test_there_must_be_something_to_resume(tmp_path):

@@ -56,15 +56,14 @@ def _train(cfg: TrainCfg, folder: Path, *, resume: bool) -> int:
         command=["tr-grasp", *sys.argv[1:]],
     )
     result = trainer.run(resume=resume)
+    steps = f"{result.env_steps} environment steps"
     if result.interrupted:
-        print(f"stopped at {result.env_steps} environment steps, all saved; go on with: tr-grasp train --resume {folder}")
+        print(f"stopped at {steps}, all saved; go on with: tr-grasp train --resume {folder}")
         return 130
-    best = "not evaluated" if result.best_success is None else f"best success {100 * result.best_success:.0f} %"
-    policy = folder / ("last" if result.best_success is None else "best")
-    print(
-        f"done: {result.env_steps} environment steps and {result.updates} updates in {clock_text(result.wall_s)}, {best}\n"
-        f"judge it on new objects with: tr-grasp evaluate {policy}"
-    )
+    judged = result.best_success is not None
+    best = f", best success {100 * result.best_success:.0f} %" if result.best_success is not None else ""
+    print(f"done: {steps} and {result.updates} updates in {clock_text(result.wall_s)}{best}")
+    print(f"judge it on new objects with: tr-grasp evaluate {folder / ('best' if judged else 'last')}")
     return 0
 
 

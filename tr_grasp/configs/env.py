@@ -209,4 +209,6 @@ class EnvCfg:
             f"env.physics_hz must be a multiple of env.control_hz, got {self.physics_hz} and {self.control_hz}",
         )
         _require(self.episode_steps >= 1, f"env.episode_steps must be at least 1, got {self.episode_steps}")
-        _require(self.fresh_scene_every_n >= 1, f"env.fresh_scene_every_n must be at least 1, got {self.fresh_scene_every_n}")
+        _require(
+            self.fresh_scene_every_n >= 1, f"env.fresh_scene_every_n must be at least 1, got {self.fresh_scene_every_n}"
+        )

@@ -28,7 +28,7 @@ class NetworkCfg:
     """Hidden widths of the actor."""
 
     log_std_init: float = -1.5
-    """Log standard deviation of the fresh actor; small, so that what was imitated is not drowned in noise (thesis: 0)."""
+    """Log standard deviation of the fresh actor; small, so that noise does not drown what was imitated (thesis: 0)."""
 
     critic_hidden_n: tuple[int, ...] = (256, 256)
     """Hidden widths of each critic."""
@@ -176,6 +176,12 @@ class TrainerCfg:
     env_steps: int = 20_000
     """Environment steps to collect, demonstrations not counted."""
 
+    episode_steps: int = 40
+    """Collected episodes are cut here (truncated, not terminal), so that a stuck policy does not fill the memory."""
+
+    deterministic_share: float = 0.5
+    """Share of collected episodes that act without exploring: they meet the states where the policy gets stuck."""
+
     updates_per_step: float = 0.33
     """Gradient steps per environment step."""
 
@@ -211,8 +217,15 @@ class TrainerCfg:
 
     def __post_init__(self) -> None:
         _require(self.steps_per_batch >= 1, f"trainer.steps_per_batch must be at least 1, got {self.steps_per_batch}")
+        _require(self.episode_steps >= 1, f"trainer.episode_steps must be at least 1, got {self.episode_steps}")
+        _require(
+            0 <= self.deterministic_share <= 1,
+            f"trainer.deterministic_share must be 0..1, got {self.deterministic_share}",
+        )
         _require(self.workers_n >= 1, f"trainer.workers_n must be at least 1, got {self.workers_n}")
-        _require(self.updates_per_step >= 0, f"trainer.updates_per_step must not be negative, got {self.updates_per_step}")
+        _require(
+            self.updates_per_step >= 0, f"trainer.updates_per_step must not be negative, got {self.updates_per_step}"
+        )
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import sapien
 import torch
-from gymnasium import spaces
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.utils.registration import register_env
 from mani_skill.utils.structs.types import DefaultMaterialsConfig, SceneConfig, SimConfig
@@ -20,7 +19,7 @@ from tr_grasp import keys
 from tr_grasp.configs import EnvCfg
 from tr_grasp.envs.contacts import Contacts, read_contacts
 from tr_grasp.envs.expert import ToolState, choose_grasp, expert_action, lift_action, wait_action
-from tr_grasp.envs.outcome import Outcome, outcome_of
+from tr_grasp.envs.outcome import outcome_of
 from tr_grasp.envs.placement import all_inside, drop_poses, inside
 from tr_grasp.envs.rewards import STAGES, completed_stages, reward_terms
 from tr_grasp.envs.robot_bodies import ARM_COLOUR, FINGER_COLOUR, TABLE_COLOUR, entity_pose, link_body, table_body
@@ -59,7 +58,7 @@ class GraspNovelObjectsEnv(BaseEnv):
         robot_uids: Overrides ``cfg.robot``.
     """
 
-    SUPPORTED_ROBOTS = list(AGENTS)
+    SUPPORTED_ROBOTS = tuple(AGENTS)
     SUPPORTED_OBS_MODES = ("none",)
     SUPPORTED_REWARD_MODES = ("sparse", "none")
     agent: CartesianPanda
@@ -104,6 +103,7 @@ class GraspNovelObjectsEnv(BaseEnv):
 
     @property
     def control_timestep(self) -> float:
+        """Duration of a policy step [s]."""
         return 1.0 / self.cfg.control_hz
 
     def _setup_scene(self) -> None:
@@ -152,7 +152,9 @@ class GraspNovelObjectsEnv(BaseEnv):
             )
             for i, model in enumerate(self.models)
         ]
-        self._bodies = [actor._objs[0].find_component_by_type(sapien.physx.PhysxRigidDynamicComponent) for actor in actors]
+        self._bodies = [
+            actor._objs[0].find_component_by_type(sapien.physx.PhysxRigidDynamicComponent) for actor in actors
+        ]
         for body in self._bodies:
             body.angular_damping = 1.0  # PhysX has no rolling friction: without it balls roll for ever
         self._entities = [body.entity for body in self._bodies]
@@ -241,6 +243,7 @@ class GraspNovelObjectsEnv(BaseEnv):
     # ---- one step ----------------------------------------------------------------------------------------------
 
     def evaluate(self) -> dict[str, torch.Tensor]:
+        """Read the contacts, advance the stages, and say how the episode stands."""
         cfg = self.cfg.reward
         contacts = self._read_contacts()
         positions = self._positions()
@@ -278,6 +281,7 @@ class GraspNovelObjectsEnv(BaseEnv):
         )
 
     def compute_sparse_reward(self, obs: Any, action: torch.Tensor, info: dict) -> torch.Tensor:
+        """Sum of :attr:`reward_terms`."""
         return torch.tensor([sum(self._terms.values())], dtype=torch.float32)
 
     @property
@@ -288,6 +292,7 @@ class GraspNovelObjectsEnv(BaseEnv):
     # ---- observation -------------------------------------------------------------------------------------------
 
     def get_obs(self, info: dict | None = None, unflattened: bool = False) -> dict[str, Any]:
+        """Look, and stack what was seen on the observations before."""
         info = self.get_info() if info is None else info
         frame = self._sensor.observe(self._rng)
         newest = (frame, self._proprioception())
@@ -334,6 +339,7 @@ class GraspNovelObjectsEnv(BaseEnv):
         return picture(self.raycast, self.body_poses(), size_px)
 
     def render(self) -> torch.Tensor:
+        """(1, 512, 512, 3) uint8 picture of the scene."""
         return torch.from_numpy(self.render_image(512))[None]
 
     # ---- expert ------------------------------------------------------------------------------------------------
@@ -389,6 +395,7 @@ class GraspNovelObjectsEnv(BaseEnv):
     # ---- gymnasium ---------------------------------------------------------------------------------------------
 
     def step(self, action: Any) -> tuple[Any, torch.Tensor, torch.Tensor, torch.Tensor, dict]:
+        """As BaseEnv, with truncation after ``episode_steps``."""
         obs, reward, terminated, _, info = super().step(action)
         truncated = (self._elapsed_steps >= self.cfg.episode_steps) & ~terminated
         return obs, reward, terminated, truncated, info

@@ -26,7 +26,9 @@ def drop_poses(
         spots = _apart(len(diagonals_m), 0.35 * workspace.side_m, rng)
         heights = 0.5 * diagonals_m + 0.01
     centre = np.array(workspace.centre_m[:2])
-    return [(np.array([*(centre + spot), height]), random_wxyz(rng)) for spot, height in zip(spots, heights, strict=True)]
+    return [
+        (np.array([*(centre + spot), height]), random_wxyz(rng)) for spot, height in zip(spots, heights, strict=True)
+    ]
 
 
 def _apart(count: int, half_side_m: float, rng: np.random.Generator) -> list[Array]:

@@ -35,7 +35,11 @@ def _mesh(shape: physx.PhysxCollisionShape) -> trimesh.Trimesh:
     elif isinstance(shape, physx.PhysxCollisionShapeSphere):
         mesh = trimesh.creation.icosphere(2, shape.radius)
     elif isinstance(shape, (physx.PhysxCollisionShapeCapsule, physx.PhysxCollisionShapeCylinder)):
-        make = trimesh.creation.capsule if isinstance(shape, physx.PhysxCollisionShapeCapsule) else trimesh.creation.cylinder
+        make = (
+            trimesh.creation.capsule
+            if isinstance(shape, physx.PhysxCollisionShapeCapsule)
+            else trimesh.creation.cylinder
+        )
         mesh = make(height=2 * shape.half_length, radius=shape.radius)
         mesh.apply_translation(-mesh.bounds.mean(axis=0))
         mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))  # along x, as PhysX has it

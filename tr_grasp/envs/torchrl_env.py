@@ -63,9 +63,7 @@ class TorchRLGraspEnv(EnvBase):
 
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: Any) -> TensorDict:
         fresh = self._episode % self.task.cfg.fresh_scene_every_n == 0
-        obs, info = self.task.reset(
-            seed=episode_seed(self._base_seed, self._episode), options={"reconfigure": fresh}
-        )
+        obs, info = self.task.reset(seed=episode_seed(self._base_seed, self._episode), options={"reconfigure": fresh})
         self._episode += 1
         out = self._observation(obs, info)
         for key in ("done", "terminated", "truncated"):
@@ -86,7 +84,9 @@ class TorchRLGraspEnv(EnvBase):
             features=obs[keys.OCTREE]["features"][0],
             batch_size=[self.task.cfg.observation.stack_n],
         )
-        out = TensorDict({keys.OCTREE: octree, keys.PROPRIO: obs[keys.PROPRIO][0], keys.STAGES: obs[keys.STAGES][0]}, [])
+        out = TensorDict(
+            {keys.OCTREE: octree, keys.PROPRIO: obs[keys.PROPRIO][0], keys.STAGES: obs[keys.STAGES][0]}, []
+        )
         out[keys.OUTCOME] = info["outcome"].reshape(1).clone()
         out[keys.SUCCESS] = info["success"].reshape(1).clone()
         if keys.EXPERT_ACTION in obs:
@@ -94,6 +94,7 @@ class TorchRLGraspEnv(EnvBase):
         return out
 
     def close(self, **kwargs: Any) -> None:
+        """End the simulation."""
         if not self.is_closed:
             self.task.close()
         super().close(**kwargs)

@@ -7,8 +7,8 @@ from tr_grasp.geometry.transforms import (
     random_wxyz,
     rotate_points,
     rotation_about_z,
-    transform_points,
     transform_from,
+    transform_points,
     wrap_half_turn,
 )
 

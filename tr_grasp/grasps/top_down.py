@@ -116,7 +116,7 @@ def _grasps_at(
     cell = scene.cell_m
     height, owner, x, y = _turned(scene, yaw)
     slab = maximum_filter1d(height, _odd(gripper.pad_width_m / cell), axis=1, mode="nearest")
-    half = int(round(gripper.opening_m / 2 / cell))
+    half = round(gripper.opening_m / 2 / cell)
     thickness = int(np.ceil(gripper.finger_thickness_m / cell))
     fingers = _max_over_offsets(slab, half, half + thickness)
     between = maximum_filter1d(slab, 2 * (half - 1) + 1, axis=0, mode="nearest")

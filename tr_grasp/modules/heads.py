@@ -65,5 +65,5 @@ class QuantileCritic(nn.Module):
         self.net = mlp(features_n + stages_n + action_n, hidden_n, quantiles_n, layer_norm=layer_norm)
 
     def forward(self, *inputs: Tensor) -> Tensor:
-        """Features, then stage flags if ``stages_n``, then action, each ``(*batch, n)``, to ``(*batch, quantiles_n)``."""
+        """Features, stage flags if ``stages_n``, and action, each ``(*batch, n)``, to ``(*batch, quantiles_n)``."""
         return self.net(torch.cat(inputs, dim=-1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -51,6 +52,7 @@ class EncodedTQCLoss(TQCLoss):
     encoder_network: TensorDictModule
     encoder_network_params: TensorDictParams
     target_encoder_network_params: TensorDictParams
+    _vmap_qnetworkN0: Callable[[TensorDictBase, TensorDictParams], TensorDictBase]
 
     def __init__(
         self,
@@ -131,7 +133,8 @@ class EncodedTQCLoss(TQCLoss):
         """Observations at both ends of the transition, in place of their features."""
         super()._set_in_keys()
         features = {self.tensor_keys.actor_features, self.tensor_keys.critic_features}
-        own = [key for key in self._in_keys if not (key in features or (key[0] == "next" and key[-1] in features))]
+        inner = features | {("next", key) for key in features}
+        own = [key for key in self._in_keys or [] if key not in inner]
         both = [*self.encoder_network.in_keys, *self.qvalue_network.in_keys]
         both = [key for key in both if key not in features | {self.tensor_keys.action}]
         following = [("next", *(key if isinstance(key, tuple) else (key,))) for key in both]

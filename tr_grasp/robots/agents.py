@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import sapien
@@ -11,7 +12,7 @@ from mani_skill.agents.controllers.base_controller import BaseController, Contro
 from mani_skill.agents.robots.panda import Panda
 from mani_skill.utils import sapien_utils
 from mani_skill.utils.building.urdf_loader import URDFLoader
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tr_grasp.robots.cartesian import (
     FingerDrive,
@@ -25,6 +26,9 @@ from tr_grasp.robots.cartesian import (
 Array = NDArray[np.floating]
 
 
+FINGERS = ("panda_leftfinger", "panda_rightfinger")
+
+
 class SapienKinematics:
     """Kinematics of a loaded articulation (SAPIEN's own Pinocchio model); the base frame is the root link's."""
 
@@ -36,10 +40,12 @@ class SapienKinematics:
         self._rest = np.zeros(articulation.dof - arm_dof)
 
     def pose(self, q: Array) -> Array:
+        """``T_base_tcp`` (4, 4)."""
         self._model.compute_forward_kinematics(np.concatenate([q, self._rest]))
         return self._model.get_link_pose(self._tcp).to_transformation_matrix().astype(float)
 
     def jacobian(self, q: Array) -> Array:
+        """(6, n) in the tcp frame, linear part first."""
         full = self._model.compute_single_link_local_jacobian(np.concatenate([q, self._rest]), self._tcp)
         return full[:, : self._arm_dof]
 
@@ -68,6 +74,7 @@ class CartesianController(BaseController):
         self.kinematics = SapienKinematics(self._articulation, self.config.tcp_link, self.config.arm_dof)
 
     def set_drive_property(self) -> None:
+        """Set gains and force limits of all joints."""
         for joint in self._arm:
             joint.set_drive_properties(1e3, 1e2, force_limit=100.0, mode="force")
             joint.set_friction(0.0)
@@ -99,7 +106,8 @@ class CartesianController(BaseController):
         """Measured distance between the fingers."""
         return float(self._articulation.qpos[self.config.arm_dof :].sum())
 
-    def set_action(self, action) -> None:  # noqa: ANN001 (ManiSkill passes a torch tensor of shape (1, 5))
+    def set_action(self, action: ArrayLike) -> None:
+        """Plan the move of one policy step, (1, 5) or (5,); a NaN was refused before it came here."""
         a = np.clip(np.asarray(action, dtype=float).reshape(5), -1.0, 1.0)
         if abs(a[4]) > self.config.gripper_dead_zone:
             self.closing = bool(a[4] < 0)
@@ -117,6 +125,7 @@ class CartesianController(BaseController):
         self._start_q, self._q, self._substep = self._q, goal, 0
 
     def before_simulation_step(self) -> None:
+        """Send the drives their next targets."""
         self._drive_fingers()
         if self._substep >= self.config.substeps_n:
             return
@@ -161,7 +170,7 @@ class CartesianControllerConfig(ControllerConfig):
 class _LightURDFLoader(URDFLoader):
     # Building a visual makes a RenderMaterial, which needs a Vulkan device even when nothing is ever drawn; and where
     # there is one, the detailed visuals cost more time than everything else in the picture.
-    def _build_link(self, link, link_builder) -> None:  # noqa: ANN001
+    def _build_link(self, link, link_builder) -> None:
         link.visuals = []
         super()._build_link(link, link_builder)
 
@@ -169,14 +178,11 @@ class _LightURDFLoader(URDFLoader):
 class CartesianPanda(Panda):
     """ManiSkill's Panda with a Cartesian controller; loads without a graphics driver."""
 
-    urdf_config = dict(
-        _materials=dict(gripper=dict(static_friction=1.5, dynamic_friction=1.5, restitution=0.0)),
-        link={
-            name: dict(material="gripper", patch_radius=0.1, min_patch_radius=0.1)
-            for name in ("panda_leftfinger", "panda_rightfinger")
-        },
-    )
-    finger_links = ("panda_leftfinger", "panda_rightfinger")
+    urdf_config: ClassVar = {
+        "_materials": {"gripper": {"static_friction": 1.5, "dynamic_friction": 1.5, "restitution": 0.0}},
+        "link": {name: {"material": "gripper", "patch_radius": 0.1, "min_patch_radius": 0.1} for name in FINGERS},
+    }
+    finger_links = FINGERS
     base_links = ("panda_link0",)
 
     # tcp at (0.5, 0, 0.24) in the base frame, pointing straight down, fingers closing along y.

@@ -27,15 +27,14 @@ class PointCloud:
     colours: Array
 
 
-def point_cloud_from_image(
-    image: DepthImage, camera: PinholeCamera, lower_m: Array, upper_m: Array
-) -> PointCloud:
+def point_cloud_from_image(image: DepthImage, camera: PinholeCamera, lower_m: Array, upper_m: Array) -> PointCloud:
     """Deproject a picture, estimate normals from neighbouring pixels, keep what lies inside a box.
 
     Args:
         image: Depth and colour, as taken by ``camera``.
         camera: Its pose and intrinsics.
-        lower_m, upper_m: (3,) corners of the box in the base frame; the upper one is excluded.
+        lower_m: (3,) lowest corner of the box in the base frame.
+        upper_m: (3,) highest corner, excluded.
     """
     points = camera.deproject(image.depth)
     inside = ((points >= lower_m) & (points < upper_m)).all(axis=-1)

@@ -21,9 +21,7 @@ class SapienCamera:
         near_m, far_m: Depths that are seen.
     """
 
-    def __init__(
-        self, scene: sapien.Scene, camera: PinholeCamera, near_m: float = 0.01, far_m: float = 10.0
-    ) -> None:
+    def __init__(self, scene: sapien.Scene, camera: PinholeCamera, near_m: float = 0.01, far_m: float = 10.0) -> None:
         self._scene, self._far = scene, far_m
         self._component = render.RenderCameraComponent(camera.width_px, camera.height_px)
         self._component.set_fovy(camera.fov_rad, compute_x=True)

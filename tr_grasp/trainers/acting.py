@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
+from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from tr_grasp.keys import ACTION, EXPERT_ACTION
 
@@ -14,17 +15,32 @@ STEP_COUNT = "step_count"
 """int64 ``(1,)``: steps since the episode began, as TorchRL's ``StepCounter`` writes it."""
 
 
-class NoisyPolicy(TensorDictModuleBase):
-    """A policy whose actions carry Gaussian noise."""
+class ExploringPolicy(TensorDictModuleBase):
+    """A policy that explores in some episodes and acts deterministically in the others.
 
-    def __init__(self, policy: TensorDictModuleBase, noise: float) -> None:
-        self.in_keys, self.out_keys = list(policy.in_keys), [ACTION]
+    A policy that is trained only on what its noise leads to never learns from the states in which its mean gets stuck.
+
+    Args:
+        policy: The policy; TorchRL's exploration type decides whether it samples.
+        noise: Standard deviation of the Gaussian noise on its sampled actions.
+        deterministic_share: Share of episodes without exploration, drawn when an episode begins.
+    """
+
+    def __init__(self, policy: TensorDictModuleBase, noise: float, deterministic_share: float = 0.0) -> None:
+        self.in_keys, self.out_keys = [*policy.in_keys, STEP_COUNT], [ACTION]
         super().__init__()
         self.policy = policy
         self.noise = noise
+        self.deterministic_share = deterministic_share
+        self._is_deterministic = False
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """Write ``action``; noise of 0 draws no random number."""
+        """Write ``action`` for one environment; shares and noise of 0 draw no random number."""
+        if self.deterministic_share > 0 and int(tensordict[STEP_COUNT]) == 0:
+            self._is_deterministic = float(torch.rand(())) < self.deterministic_share
+        if self._is_deterministic:
+            with set_exploration_type(ExplorationType.DETERMINISTIC):
+                return tensordict.set(ACTION, self.policy(tensordict)[ACTION])
         action = self.policy(tensordict)[ACTION]
         if self.noise > 0:
             action = (action + self.noise * torch.randn_like(action)).clamp(-1, 1)

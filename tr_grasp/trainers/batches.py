@@ -17,9 +17,7 @@ IMITATION_WEIGHT = "imitation_weight"
 class BatchSampler:
     """Draws batches from both buffers with one generator of its own."""
 
-    def __init__(
-        self, cfg: TrainCfg, spec: OctreeSpec, demonstrations: ReplayBuffer, experience: ReplayBuffer
-    ) -> None:
+    def __init__(self, cfg: TrainCfg, spec: OctreeSpec, demonstrations: ReplayBuffer, experience: ReplayBuffer) -> None:
         self._cfg = cfg
         self._spec = spec
         self._demonstrations = demonstrations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import random
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +33,12 @@ def save_checkpoint(path: Path, state: Mapping[str, Any]) -> None:
     write_atomically(path, lambda file: torch.save(content, file))
 
 
-def load_checkpoint(path: Path) -> dict[str, Any]:
+def load_checkpoint(path: Path, required: Collection[str] = ()) -> dict[str, Any]:
     """What :func:`save_checkpoint` stored; only plain data, no code, is read from the file.
+
+    Args:
+        path: The file.
+        required: Entries that it must have.
 
     Raises:
         CheckpointError: The file is missing, corrupt, foreign, or of another version.
@@ -52,12 +56,21 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
             f"'{path}' has version {content['version']}, this package reads version {VERSION}; "
             "resume with the release that wrote it."
         )
+    if missing := sorted(set(required) - set(content)):
+        raise CheckpointError(f"'{path}' is no whole checkpoint: {', '.join(missing)} is missing.")
     return content
 
 
+def seed_everything(seed: int) -> None:
+    """Seed every global random generator, those included that only others use."""
+    random.seed(seed)
+    np.random.seed(seed % 2**32)  # noqa: NPY002
+    torch.manual_seed(seed)
+
+
 def random_state() -> dict[str, Any]:
-    """The state of every global random generator."""
-    _, keys, *rest = np.random.get_state()
+    """The state of every global random generator, those included that only others use."""
+    _, keys, *rest = np.random.get_state()  # noqa: NPY002
     version, internal, gauss = random.getstate()
     return {
         "torch": torch.get_rng_state(),
@@ -73,6 +86,6 @@ def set_random_state(state: Mapping[str, Any]) -> None:
     if state["cuda"] and torch.cuda.is_available():
         torch.cuda.set_rng_state_all(state["cuda"])
     keys, *rest = state["numpy"]
-    np.random.set_state(("MT19937", keys.numpy().astype(np.uint32), *rest))
+    np.random.set_state(("MT19937", keys.numpy().astype(np.uint32), *rest))  # noqa: NPY002
     version, internal, gauss = state["python"]
     random.setstate((version, tuple(internal), gauss))

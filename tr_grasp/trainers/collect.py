@@ -56,6 +56,7 @@ class Collection:
     def __init__(self, plan: CollectPlan, policy: TensorDictModuleBase) -> None:
         self._plan = plan
         self._policy = policy
+        self._closed = False
         self._collector = self._start()
 
     def __enter__(self) -> Collection:
@@ -87,12 +88,12 @@ class Collection:
 
     def close(self) -> None:
         """End workers and environments; may be called again."""
-        if self._collector is not None:
+        if not self._closed:
+            self._closed = True
             threads_n = torch.get_num_threads()
             self._collector.shutdown()
             # TorchRL gives the workers' threads to this process.
             torch.set_num_threads(threads_n)
-            self._collector = None
 
     def _exit_codes(self) -> list[int]:
         """Of the workers that are no more, as far as TorchRL has not closed them itself."""

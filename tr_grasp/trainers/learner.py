@@ -79,16 +79,15 @@ class Learner:
             losses["loss_imitation"] = self._imitation(batch, features)
             total = total + weight * losses["loss_imitation"]
         if cfg.imitation.reinforcement:
-            reinforcement = self._loss(batch.set(ACTOR_FEATURES, features))
-            losses |= {name: reinforcement[name] for name in reinforcement.keys()}
+            losses |= dict(self._loss(batch.set(ACTOR_FEATURES, features)).items())
             actor_share = warmup(self.updates, cfg.algorithm.actor_warmup_updates)
             total = total + losses["loss_qvalue"] + actor_share * losses["loss_actor"] + losses["loss_alpha"]
         rate = learning_rate(cfg.optimiser, env_steps / max(1, cfg.trainer.env_steps))
         norm = self._step(batch, losses, total, rate)
         self._targets.step()
         self.updates += 1
-        scalars = {name: value.detach() for name, value in losses.items()}
-        return scalars | {"gradient_norm": norm, "learning_rate": torch.tensor(rate), "imitation_weight": torch.tensor(weight)}
+        settings = {"learning_rate": torch.tensor(rate), "imitation_weight": torch.tensor(weight)}
+        return {name: value.detach() for name, value in losses.items()} | settings | {"gradient_norm": norm}
 
     def state_dict(self) -> dict[str, Any]:
         """Networks, their targets, the temperature, and Adam's moments."""

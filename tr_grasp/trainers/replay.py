@@ -43,8 +43,9 @@ class ReplayBuffer:
         self.capacity = capacity
         self.stack_n = stack_n
         self.observations_capacity = int(capacity * observations_per_transition) + 4 * stack_n
-        self._observations: TensorDict | None = None
-        self._transitions: TensorDict | None = None
+        # Allocated with the first chunk, which shows what is to be stored.
+        self._observations = TensorDict(batch_size=[0])
+        self._transitions = TensorDict(batch_size=[0])
         self._observations_written = 0
         self._written = 0
         self._oldest = 0
@@ -60,7 +61,7 @@ class ReplayBuffer:
     @property
     def bytes_per_transition(self) -> float:
         """Memory of the full buffer, divided by its capacity; 0 before the first chunk."""
-        tables = [table for table in (self._observations, self._transitions) if table is not None]
+        tables = (self._observations, self._transitions)
         return sum(leaf.nbytes for table in tables for leaf in table.values(True, True)) / self.capacity
 
     def extend(self, chunk: TensorDictBase) -> None:
@@ -131,7 +132,7 @@ class ReplayBuffer:
         self._transitions = _restore(state["transitions"], self.capacity)
 
     def _write_observations(self, observations: TensorDict) -> None:
-        if self._observations is None:
+        if self._observations.is_empty():
             self._observations = _allocate(observations, self.observations_capacity)
         slots = torch.arange(len(observations)) + self._observations_written
         self._observations[slots % self.observations_capacity] = observations
@@ -142,7 +143,7 @@ class ReplayBuffer:
             {"stack": stacks, ACTION: chunk[ACTION], **{name: chunk["next", name] for name in _OUTCOME}},
             batch_size=[len(chunk)],
         )
-        if self._transitions is None:
+        if self._transitions.is_empty():
             self._transitions = _allocate(transitions, self.capacity)
         self._transitions[(torch.arange(len(chunk)) + self._written) % self.capacity] = transitions
         self._written += len(chunk)
@@ -181,7 +182,7 @@ def _plan(done: list[bool], stack_n: int) -> tuple[Tensor, Tensor]:
 
 def _candidates(chunk: TensorDictBase) -> TensorDict:
     """Single observations: the first stack, the one after each step, and the one before each step."""
-    single = [key for key in (STAGES, EXPERT_ACTION) if key in chunk.keys() and key in chunk["next"].keys()]
+    single = [key for key in (STAGES, EXPERT_ACTION) if key in chunk and key in chunk["next"]]
     newest = [_newest(part, single) for part in (chunk["next"], chunk)]
     first = chunk[:1]
     stack_n = chunk[PROPRIO].shape[1]
@@ -209,7 +210,7 @@ def _leaves(table: TensorDictBase) -> dict[str, Tensor]:
 
 def _table(leaves: Mapping[str, Tensor]) -> TensorDict:
     """The inverse of :func:`_leaves`."""
-    rows_n = len(next(iter(leaves.values())))
+    rows_n = len(next(iter(leaves.values()), ()))
     octree = {name.removeprefix(f"{OCTREE}/"): leaf for name, leaf in leaves.items() if name.startswith(f"{OCTREE}/")}
     entries: dict[str, Any] = {name: leaf for name, leaf in leaves.items() if "/" not in name}
     if octree:
@@ -223,18 +224,14 @@ def _allocate(example: TensorDictBase, rows_n: int) -> TensorDict:
     return _table({name: torch.zeros((rows_n, *shape), dtype=dtype) for name, (shape, dtype) in shapes.items()})
 
 
-def _dump(table: TensorDict | None, written: int) -> dict[str, Tensor] | None:
-    if table is None:
-        return None
+def _dump(table: TensorDict, written: int) -> dict[str, Tensor]:
     # A slice would be saved with all of its storage.
     return {name: leaf if written >= len(leaf) else leaf[:written].clone() for name, leaf in _leaves(table).items()}
 
 
-def _restore(dump: Mapping[str, Tensor] | None, rows_n: int) -> TensorDict | None:
-    if dump is None:
-        return None
+def _restore(dump: Mapping[str, Tensor], rows_n: int) -> TensorDict:
     filled = _table(dump)
-    if len(filled) == rows_n:
+    if len(filled) in (0, rows_n):
         return filled
     table = _allocate(filled, rows_n)
     table[: len(filled)] = filled

@@ -27,8 +27,11 @@ _STEP = "env_steps"
 
 
 class RunFolder:
-    """The files of one run: ``config.yaml``, ``training.json``, ``progress.csv``, TensorBoard events,
-    ``checkpoint.pt``, and the saved policies ``best`` and ``last``."""
+    """The files of one run.
+
+    ``config.yaml``, ``training.json``, ``progress.csv``, TensorBoard events, ``checkpoint.pt``, and the saved policies
+    ``best`` and ``last``.
+    """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)

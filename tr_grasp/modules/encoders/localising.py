@@ -25,8 +25,8 @@ class LocalisingOCNN(nn.Module):
     Args:
         spec: The frames' octree.
         features_n: Features of a frame.
-        conv_layers_n: Residual convolutions on the blocks. One costs nearly as much as everything else, and is what
-            tells neighbouring objects apart.
+        conv_layers_n: Residual convolutions, through which a block sees its neighbours. One costs nearly as much as
+            everything else.
         heads_n: Attention heads.
     """
 
