@@ -28,7 +28,8 @@ def chunk(steps_n: int, stack_n: int, episode_steps: int) -> TensorDict:
     )
     following = steps.clone()
     done = (torch.arange(steps_n)[:, None] + 1) % episode_steps == 0
-    following.update({"reward": torch.zeros(steps_n, 1), "done": done, "terminated": done, "truncated": torch.zeros_like(done)})
+    following.update({"done": done, "terminated": done, "truncated": torch.zeros_like(done)})
+    following["reward"] = torch.zeros(steps_n, 1)
     return steps.update({"action": torch.zeros(steps_n, 5), "next": following})
 
 

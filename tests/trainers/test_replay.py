@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import mmap
 from dataclasses import dataclass, field
 from itertools import count
+from pathlib import Path
 
 import pytest
 import torch
@@ -185,7 +187,7 @@ def test_only_the_filled_part_is_saved(tmp_path):
     assert (tmp_path / "replay.pt").stat().st_size < 20_000
 
 
-def test_a_hundred_thousand_octrees_of_512_leaves_fit_in_a_gigabyte():
+def wide_step() -> TensorDict:
     octree = OctreeFrame(
         codes=torch.zeros(3, 512, dtype=torch.int16), features=torch.zeros(3, 512, 7).half(), batch_size=[3]
     )
@@ -193,9 +195,25 @@ def test_a_hundred_thousand_octrees_of_512_leaves_fit_in_a_gigabyte():
     step["next"] = step.clone()
     step["next"].update({name: torch.tensor([False]) for name in ("done", "terminated", "truncated")})
     step["next", "reward"], step["action"] = torch.zeros(1), torch.zeros(5)
+    return step
+
+
+def test_a_hundred_thousand_octrees_of_512_leaves_fit_in_a_gigabyte():
     buffer = ReplayBuffer(1000, 3)
-    buffer.extend(step[None])
+    buffer.extend(wide_step()[None])
     assert 8192 < buffer.bytes_per_transition < 10_000
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs Linux' count of memory pages")
+def test_memory_is_taken_as_the_buffer_fills():
+    def resident_bytes() -> int:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * mmap.PAGESIZE
+
+    before = resident_bytes()
+    buffer = ReplayBuffer(20_000, 3)
+    buffer.extend(wide_step()[None])
+    assert buffer.bytes_per_transition * buffer.capacity > 180e6
+    assert resident_bytes() - before < 20e6
 
 
 def test_an_empty_buffer_cannot_be_sampled():

@@ -219,9 +219,9 @@ def _table(leaves: Mapping[str, Tensor]) -> TensorDict:
 
 
 def _allocate(example: TensorDictBase, rows_n: int) -> TensorDict:
-    """A table of zeros; the operating system gives the memory when it is written."""
+    """An uninitialised table: the operating system gives the memory when it is written, which zeros would do now."""
     shapes = {name: (leaf.shape[1:], leaf.dtype) for name, leaf in _leaves(example).items()}
-    return _table({name: torch.zeros((rows_n, *shape), dtype=dtype) for name, (shape, dtype) in shapes.items()})
+    return _table({name: torch.empty((rows_n, *shape), dtype=dtype) for name, (shape, dtype) in shapes.items()})
 
 
 def _dump(table: TensorDict, written: int) -> dict[str, Tensor]:
