@@ -22,7 +22,7 @@ LAYERS = {
     3: ["modules", "dynamic", "pick_place"],
     2: ["motion", "grasps", "prediction", "calibration", "hardware"],
     1: ["robots", "objects", "sensing", "octree"],
-    0: ["configs", "geometry", "doctor", "errors", "files", "keys", "__init__"],
+    0: ["configs", "geometry", "doctor", "errors", "files", "keys", "provenance", "__init__"],
 }
 LAYER = {name: layer for layer, names in LAYERS.items() for name in names}
 SIMULATORS = {"sapien", "mani_skill"}

@@ -166,7 +166,7 @@ class ToyEnv(EnvBase):
             for axis in range(3):
                 codes |= ((cells[:, axis] >> bit) & 1) << (3 * bit + 2 - axis)
         codes = codes.unique()[: octree.leaf_capacity]
-        frame = OctreeFrame.empty(octree)
+        frame = OctreeFrame.unoccupied(octree)
         frame.codes[: len(codes)] = codes.to(torch.int16)
         frame.features[: len(codes)] = torch.rand(len(codes), octree.channels, generator=self.rng).half()
         return frame

@@ -130,7 +130,7 @@ class FakeEnv(EnvBase):
             features[: len(floor), 4:] = 0.6
             features[len(floor) :, 4:] = (0.8, 0.2, 0.15)
         order = np.argsort(codes)[: self.octree_spec.leaf_capacity]
-        frame = OctreeFrame.empty(self.octree_spec)
+        frame = OctreeFrame.unoccupied(self.octree_spec)
         frame.codes[: len(order)] = torch.from_numpy(codes[order].astype(np.int16))
         frame.features[: len(order)] = torch.from_numpy(features[order])
         return frame

@@ -14,7 +14,7 @@ RED = (0.9, 0.1, 0.1)
 
 
 def frame_of(cells: np.ndarray, colours: np.ndarray, spec: OctreeSpec = SPEC) -> OctreeFrame:
-    frame = OctreeFrame.empty(spec)
+    frame = OctreeFrame.unoccupied(spec)
     codes = encode_cells(cells, spec.depth)
     order = np.argsort(codes)
     frame.codes[: len(cells)] = torch.from_numpy(codes[order].astype(np.int16))
@@ -94,7 +94,7 @@ def test_the_whole_cube_fits() -> None:
 
 
 def test_no_leaf_draws_only_the_cube() -> None:
-    picture = OctreeView(SPEC, FORWARD).draw(OctreeFrame.empty(SPEC))
+    picture = OctreeView(SPEC, FORWARD).draw(OctreeFrame.unoccupied(SPEC))
     assert picture.shape == (320, 320, 3)
     assert (picture == BACKGROUND).all(-1).mean() > 0.95
     assert not (picture == BACKGROUND).all()
@@ -113,7 +113,7 @@ def test_an_open_gripper_is_drawn_wider_than_a_closed_one() -> None:
     view = OctreeView(SPEC, FORWARD)
     middle, axis = np.array(SPEC.centre_m), np.array([0.0, 1.0, 0.0])
     finger = middle + 0.044 * axis + [0, 0, 0.02]
-    opened = view.draw(OctreeFrame.empty(SPEC), Gripper(middle, axis, 1.0))
-    closed = view.draw(OctreeFrame.empty(SPEC), Gripper(middle, axis, -1.0))
+    opened = view.draw(OctreeFrame.unoccupied(SPEC), Gripper(middle, axis, 1.0))
+    closed = view.draw(OctreeFrame.unoccupied(SPEC), Gripper(middle, axis, -1.0))
     assert pixel(view, opened, finger).mean() < 80
     assert pixel(view, closed, finger).mean() > 200

@@ -16,10 +16,10 @@ from tr_grasp.configs import CameraCfg, EnvCfg, NetworkCfg, TrainCfg
 from tr_grasp.evaluation.film import encode_gif
 from tr_grasp.evaluation.page import table
 from tr_grasp.evaluation.plots import DARK, LIGHT, plots_of
-from tr_grasp.evaluation.provenance import Provenance
 from tr_grasp.evaluation.report import Evaluation, Shown, describe_objects, differing_settings, report_html
 from tr_grasp.evaluation.suites import named_suites
 from tr_grasp.evaluation.summary import by_family, by_number
+from tr_grasp.provenance import Provenance
 
 SOURCE = Provenance(
     command="tr-grasp evaluate 'my <policy>'",

@@ -98,7 +98,7 @@ def test_samples_of_a_batch_do_not_influence_each_other(variant: dict) -> None:
 def test_empty_frames_give_finite_features_and_gradients(variant: dict) -> None:
     encoder = build(variant)
     frames, proprio = random_batch(2)
-    frames[0] = OctreeFrame.empty(SPEC, (STACK_N,))
+    frames[0] = OctreeFrame.unoccupied(SPEC, (STACK_N,))
     for batch in (frames, frames[:1]):
         features = encoder(batch, proprio[: len(batch)])
         assert features.isfinite().all()

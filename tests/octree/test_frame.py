@@ -20,12 +20,12 @@ def test_frames_keep_type_and_dtypes_when_stacked_indexed_and_pickled() -> None:
 
 
 def test_a_frame_of_512_leaves_takes_8_kib() -> None:
-    frame = OctreeFrame.empty(SPEC)
+    frame = OctreeFrame.unoccupied(SPEC)
     assert frame.codes.nbytes + frame.features.nbytes == 8 * 1024
 
 
 def test_an_empty_frame_has_no_leaves() -> None:
-    frames = OctreeFrame.empty(SPEC, (2, 3))
+    frames = OctreeFrame.unoccupied(SPEC, (2, 3))
     assert frames.batch_size == (2, 3)
     assert not frames.leaves_n.any()
 

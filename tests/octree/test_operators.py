@@ -201,7 +201,7 @@ def test_operators_run_under_autocast_and_keep_float32_weights() -> None:
 
 @pytest.mark.parametrize("node_set", NODE_SETS)
 def test_operators_pass_empty_octrees_through(node_set: str) -> None:
-    octree = Octree(OctreeFrame.empty(SPEC, (2,)), SPEC.depth, node_set)
+    octree = Octree(OctreeFrame.unoccupied(SPEC, (2,)), SPEC.depth, node_set)
     features = octree.node_features().requires_grad_()
     assert octree_join_children(features, octree, 4).shape == (octree.level(3).nodes_n, 56)
     out = OctreePool()(OctreeConv(7, 4)(features, octree, 4), octree, 4)

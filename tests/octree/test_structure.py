@@ -133,7 +133,7 @@ def test_empty_siblings_carry_zeros() -> None:
 
 
 def test_a_batch_of_empty_frames_has_no_occupied_nodes() -> None:
-    frames = OctreeFrame.empty(SPEC, (2,))
+    frames = OctreeFrame.unoccupied(SPEC, (2,))
     assert Octree(frames, SPEC.depth).level(3).nodes_n == 0
     assert Octree(frames, SPEC.depth, "siblings").level(2).nodes_n == 128
 

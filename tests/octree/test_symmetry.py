@@ -160,7 +160,7 @@ def test_random_elements_come_from_the_generator_and_cover_the_group() -> None:
 @pytest.mark.parametrize("depth", [3, 4, 5])
 def test_every_element_permutes_the_leaves(depth: int) -> None:
     spec = OctreeSpec(SPEC.origin_m, SPEC.side_m, depth, leaf_capacity=8**depth)
-    frames = OctreeFrame.empty(spec, (8,))
+    frames = OctreeFrame.unoccupied(spec, (8,))
     frames.codes[:] = torch.arange(8**depth)
     turned = turn_frames(ALL, frames, spec)
     assert torch.equal(turned.codes.sort(dim=1).values, frames.codes)

@@ -8,7 +8,6 @@ from tests.toy_env import train_cfg
 from tr_grasp.configs.io import load_train_cfg
 from tr_grasp.errors import StorageError
 from tr_grasp.trainers import RunFolder
-from tr_grasp.trainers.run_folder import provenance
 
 
 def rows_of(folder: RunFolder) -> list[dict[str, str]]:
@@ -45,10 +44,3 @@ def test_a_run_folder_that_is_a_file_is_a_storage_error(tmp_path):
     (tmp_path / "run").write_text("")
     with pytest.raises(StorageError, match="could not make the run folder"):
         RunFolder(tmp_path / "run").open(train_cfg())
-
-
-def test_the_record_names_command_and_versions():
-    record = provenance(["tr-grasp", "train", "grasp"])
-    assert record["command"] == "tr-grasp train grasp"
-    assert {"tr_grasp", "python", "torch"} <= set(record["versions"])
-    assert record["commit"] is None or len(record["commit"]) >= 40

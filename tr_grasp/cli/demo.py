@@ -9,7 +9,7 @@ from pathlib import Path
 from tr_grasp.cli import doctor
 from tr_grasp.cli.evaluate import EvaluateCfg, run
 from tr_grasp.configs.io import parse
-from tr_grasp.evaluation.provenance import cores_n
+from tr_grasp.provenance import cores_n
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from tr_grasp.cli.progress import EpisodeBar
 from tr_grasp.cli.table import text_table
 from tr_grasp.configs.io import parse
 from tr_grasp.errors import ConfigError
-from tr_grasp.evaluation.provenance import cores_n, provenance
 from tr_grasp.evaluation.records import EPISODES_FILE
 from tr_grasp.evaluation.report import SUMMARY_COLUMNS, Evaluation, summary_row
+from tr_grasp.provenance import cores_n, provenance
 
 
 @dataclass(frozen=True)

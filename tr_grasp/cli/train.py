@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 
@@ -53,7 +54,7 @@ def _train(cfg: TrainCfg, folder: Path, *, resume: bool) -> int:
         make_env=make_env,
         env_spec=env_spec(cfg.env),
         report=lambda line: print(line, flush=True),
-        command=["tr-grasp", *sys.argv[1:]],
+        command=shlex.join(["tr-grasp", *sys.argv[1:]]),
     )
     result = trainer.run(resume=resume)
     steps = f"{result.env_steps} environment steps"

@@ -13,11 +13,11 @@ from tr_grasp.configs import EnvCfg, TrainCfg
 from tr_grasp.configs.build import leaf_types
 from tr_grasp.evaluation import page
 from tr_grasp.evaluation.plots import DARK, LIGHT, Plot, plots_of
-from tr_grasp.evaluation.provenance import Provenance
 from tr_grasp.evaluation.records import EpisodeRecord, by_suite, in_order
 from tr_grasp.evaluation.statistics import MeanStd, wilson_interval
 from tr_grasp.evaluation.suites import ARRANGEMENTS, Suite
 from tr_grasp.evaluation.summary import SuiteSummary, by_family, by_number, count, summarise
+from tr_grasp.provenance import Provenance
 
 SUMMARY_COLUMNS = ("suite", "episodes", "success", "95 % interval", "reward", "length", "length of successes")
 

@@ -12,7 +12,6 @@ from tr_grasp.envs import make_env as make_simulation
 from tr_grasp.errors import StorageError
 from tr_grasp.evaluation.film import encode_gif
 from tr_grasp.evaluation.players import Player, load_player
-from tr_grasp.evaluation.provenance import Provenance
 from tr_grasp.evaluation.records import EPISODES_FILE, EpisodeLog, EpisodeRecord, by_suite, write_episodes
 from tr_grasp.evaluation.replay import choose_episodes, record_episode
 from tr_grasp.evaluation.replay_view import ReplayView
@@ -20,6 +19,7 @@ from tr_grasp.evaluation.report import Evaluation, Shown, report_html
 from tr_grasp.evaluation.rollouts import EnvMaker, PlayerLoader, one_thread, run_suites
 from tr_grasp.evaluation.suites import Suite
 from tr_grasp.files import write_atomically
+from tr_grasp.provenance import Provenance
 
 SUMMARY_FILE = "summary.json"
 REPORT_FILE = "report.html"

@@ -36,7 +36,7 @@ def octree_from_points(
     """
     columns = _columns({"points": points, "normals": normals} | ({"colours": colours} if spec.colour else {}))
     codes, columns = _inside(columns, spec)
-    frame = OctreeFrame.empty(spec)
+    frame = OctreeFrame.unoccupied(spec)
     if not len(codes):
         return frame
     counts = np.bincount(codes, minlength=8**spec.depth)

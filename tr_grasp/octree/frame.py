@@ -28,7 +28,7 @@ class OctreeFrame(TensorClass["nocast"]):
     point from the leaf's centre along it, in [-1, 1] (1 is half a leaf diagonal), mean rgb in [0, 1]; 0 in padding."""
 
     @classmethod
-    def empty(cls, spec: OctreeSpec, batch_size: tuple[int, ...] = ()) -> OctreeFrame:
+    def unoccupied(cls, spec: OctreeSpec, batch_size: tuple[int, ...] = ()) -> OctreeFrame:
         """Frames without a single leaf."""
         shape = (*batch_size, spec.leaf_capacity)
         return cls(

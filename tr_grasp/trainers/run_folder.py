@@ -5,24 +5,18 @@ from __future__ import annotations
 import csv
 import io
 import json
-import platform
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from torch.utils.tensorboard import SummaryWriter
 
-import tr_grasp
 from tr_grasp.configs import TrainCfg
 from tr_grasp.configs.io import dump_yaml
 from tr_grasp.errors import StorageError
 from tr_grasp.files import remove_partial_files, write_atomically
 from tr_grasp.trainers.checkpoint import CHECKPOINT_FILE
 
-_PACKAGES = ("torch", "torchrl", "tensordict", "numpy", "mani_skill", "sapien")
 _STEP = "env_steps"
 
 
@@ -110,35 +104,3 @@ class RunFolder:
         writer.writeheader()
         writer.writerows(self._rows)
         write_atomically(self.path / "progress.csv", text.getvalue())
-
-
-def provenance(command: Sequence[str] | None = None) -> dict[str, Any]:
-    """What produced a result: command, commit if there is one, versions, machine."""
-    return {
-        "command": " ".join(command if command is not None else sys.argv),
-        "commit": _commit(),
-        "versions": {"tr_grasp": tr_grasp.__version__, "python": platform.python_version(), **_versions()},
-        "machine": {"platform": platform.platform(), "processor": platform.processor() or platform.machine()},
-    }
-
-
-def _commit() -> str | None:
-    """The commit of the source tree that the package runs from; None outside of one."""
-    root = Path(tr_grasp.__file__).parents[1]
-    if not (root / ".git").exists():
-        return None
-    command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        return None
-
-
-def _versions() -> dict[str, str]:
-    versions = {}
-    for package in _PACKAGES:
-        try:
-            versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return versions

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Sequence
+import shlex
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,12 +16,13 @@ from tensordict import TensorDictBase
 
 from tr_grasp.configs import TrainCfg
 from tr_grasp.modules import EnvSpec, save_policy
+from tr_grasp.provenance import provenance
 from tr_grasp.trainers.acting import ExploringPolicy, RandomActions, ScriptedExpert
 from tr_grasp.trainers.checkpoint import load_checkpoint, save_checkpoint
 from tr_grasp.trainers.collect import Collection, CollectPlan, EnvMaker
 from tr_grasp.trainers.interrupt import Interrupt
 from tr_grasp.trainers.progress import Averages, Clock, RecentEpisodes, curve, evaluation_line, progress_line
-from tr_grasp.trainers.run_folder import RunFolder, provenance
+from tr_grasp.trainers.run_folder import RunFolder
 from tr_grasp.trainers.session import Session
 from tr_grasp.trainers.validation import Evaluate, Validation
 
@@ -62,7 +65,7 @@ class Trainer:
         env_spec: EnvSpec,
         evaluate: Evaluate | None = None,
         report: Callable[[str], None] = lambda line: None,
-        command: Sequence[str] | None = None,
+        command: str | None = None,
     ) -> None:
         torch.set_num_threads(cfg.trainer.threads_n)
         self._cfg = cfg
@@ -70,7 +73,7 @@ class Trainer:
         self._make_env = make_env
         self._evaluate_policy = evaluate or Validation(cfg, make_env)
         self._report = report
-        self._provenance = provenance(command)
+        self._provenance = provenance(command or shlex.join(sys.argv))
         self._session = Session(cfg, env_spec, folder.path)
         # Acts on the CPU, wherever the learner is, with the weights of the last push.
         self._policy = copy.deepcopy(self._session.agent.policy).cpu().eval().requires_grad_(False)
@@ -125,8 +128,11 @@ class Trainer:
         episodes = RecentEpisodes()
         with Collection(plan, expert) as collection:
             for chunk in collection:
-                demonstrations.extend(chunk[: cfg.transitions_n - len(demonstrations)])
+                before = len(demonstrations)
+                demonstrations.extend(chunk[: cfg.transitions_n - before])
                 episodes.observe(chunk)
+                if before // LOG_EVERY < len(demonstrations) // LOG_EVERY:
+                    self._report(f"{len(demonstrations):>7}/{cfg.transitions_n} transitions")
                 if len(demonstrations) >= cfg.transitions_n or self._interrupt.requested:
                     break
         success = episodes.summary().get("train/success", math.nan)
@@ -182,9 +188,7 @@ class Trainer:
         labels = imitation.states == "all" and max(imitation.weight_initial, imitation.weight_final) > 0
         # Imitation does not train the policy's deviation.
         cfg = self._cfg.trainer
-        plan = self._plan(
-            labels=labels, deterministic=not imitation.reinforcement, episode_steps=cfg.episode_steps
-        )
+        plan = self._plan(labels=labels, deterministic=not imitation.reinforcement, episode_steps=cfg.episode_steps)
         if is_random:
             return Collection(plan, RandomActions(self._action_n))
         self._push()
@@ -260,7 +264,7 @@ class Trainer:
     def _record(self, scores: dict[str, float] | None = None) -> dict[str, Any]:
         session = self._session
         return {
-            **self._provenance,
+            **self._provenance.as_json(),
             "seed": self._cfg.seed,
             "env_steps": session.counters.env_steps,
             "demonstrations": len(session.demonstrations),

@@ -4,7 +4,7 @@ import subprocess
 from pathlib import Path
 
 import tr_grasp
-from tr_grasp.evaluation.provenance import provenance, source_commit
+from tr_grasp.provenance import provenance, source_commit
 
 
 def git(folder: Path, *words: str) -> str:
