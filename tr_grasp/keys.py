@@ -18,6 +18,10 @@ STAGES = "stages"
 EXPERT_ACTION = "expert_action"
 """float32 ``(5,)``: what the scripted expert would do now (privileged; only with expert labels on)."""
 
+EXPERT_TARGET = "expert_target"
+"""float32 ``(6,)``: the expert's grasp minus the tcp [m] (3), cosine and sine of twice the turn to it, and 1 if there
+is one (else zeros); privileged, only with expert labels on."""
+
 OUTCOME = "outcome"
 """int64 ``(1,)``: index into ``envs.Outcome``, as if the episode ended now."""
 

@@ -150,17 +150,20 @@ class DemonstrationCfg:
 class ImitationCfg:
     """Behaviour-cloning term on expert labels, beside the reinforcement losses."""
 
-    pretrain_updates: int = 800
+    pretrain_updates: int = 1_500
     """Updates with the imitation loss alone, before anything is collected."""
 
     weight_initial: float = 2.0
     """Weight of the imitation loss when collection starts (0: no imitation)."""
 
-    weight_final: float = 0.3
+    weight_final: float = 1.0
     """Weight after ``decay_env_steps``."""
 
     decay_env_steps: int = 12_000
     """Environment steps over which the weight changes linearly."""
+
+    localisation_weight: float = 1.0
+    """Weight of predicting, from the features, where the expert's grasp lies; it falls with the imitation weight."""
 
     states: Literal["demonstrations", "all"] = "demonstrations"
     """Imitate on demonstrations only, or also on the states that the policy visits (DAgger)."""

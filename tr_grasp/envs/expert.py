@@ -71,6 +71,20 @@ def expert_action(
     return _pack(step, slow * turn / action.yaw_step_rad, OPEN)
 
 
+def target_from_tool(tool: ToolState, position: Array, yaw_rad: float) -> NDArray[np.float32]:
+    """(6,) where a grasp lies from the tool: offset [m], cosine and sine of twice the turn, 1.
+
+    Twice the turn, because a two-finger gripper is the same after half a turn.
+    """
+    turn = 2 * (yaw_rad - tool.closing_yaw_rad)
+    return np.array([*(position - tool.position), np.cos(turn), np.sin(turn), 1.0], np.float32)
+
+
+def no_target() -> NDArray[np.float32]:
+    """(6,) zeros: nothing to go to."""
+    return np.zeros(6, np.float32)
+
+
 def lift_action() -> NDArray[np.float32]:
     """Rise straight up with a closed gripper: an object is held."""
     return _pack(np.array([0.0, 0.0, 1.0]), 0.0, CLOSE)

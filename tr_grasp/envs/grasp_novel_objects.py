@@ -18,7 +18,15 @@ from numpy.typing import NDArray
 from tr_grasp import keys
 from tr_grasp.configs import EnvCfg
 from tr_grasp.envs.contacts import Contacts, read_contacts
-from tr_grasp.envs.expert import ToolState, choose_grasp, expert_action, lift_action, wait_action
+from tr_grasp.envs.expert import (
+    ToolState,
+    choose_grasp,
+    expert_action,
+    lift_action,
+    no_target,
+    target_from_tool,
+    wait_action,
+)
 from tr_grasp.envs.outcome import outcome_of
 from tr_grasp.envs.placement import all_inside, drop_poses, inside
 from tr_grasp.envs.rewards import STAGES, completed_stages, reward_terms
@@ -309,7 +317,9 @@ class GraspNovelObjectsEnv(BaseEnv):
             keys.STAGES: torch.from_numpy(self._stages.astype(np.float32))[None],
         }
         if self.cfg.observation.expert_labels:
-            obs[keys.EXPERT_ACTION] = torch.from_numpy(self.expert_action())[None]
+            action, target = self.expert_labels()
+            obs[keys.EXPERT_ACTION] = torch.from_numpy(action)[None]
+            obs[keys.EXPERT_TARGET] = torch.from_numpy(target)[None]
         return obs
 
     def _proprioception(self) -> NDArray[np.float32]:
@@ -344,8 +354,12 @@ class GraspNovelObjectsEnv(BaseEnv):
 
     # ---- expert ------------------------------------------------------------------------------------------------
 
-    def expert_action(self) -> NDArray[np.float32]:
-        """(5,) what the scripted expert does in the present state (it sees the true scene)."""
+    def expert_labels(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What the scripted expert, which sees the true scene, does in the present state and where it is going.
+
+        Returns:
+            Action (5,) and target (6,), as in :mod:`tr_grasp.keys`.
+        """
         controller = self.controller
         closing_axis = self._tcp[:2, 1]
         tool = ToolState(
@@ -356,13 +370,13 @@ class GraspNovelObjectsEnv(BaseEnv):
             controller.gripper_opening_m(),
         )
         if tool.holding:
-            return lift_action()
+            return lift_action(), no_target()
         grasps = self._plan()
         best = choose_grasp(grasps, tool)
         if best is None:
-            return wait_action()
-        yaw, width = float(grasps.yaw_rad[best]), float(grasps.width_m[best])
-        return expert_action(tool, grasps.position[best], yaw, width, self.cfg.action)
+            return wait_action(), no_target()
+        position, yaw, width = grasps.position[best], float(grasps.yaw_rad[best]), float(grasps.width_m[best])
+        return expert_action(tool, position, yaw, width, self.cfg.action), target_from_tool(tool, position, yaw)
 
     def _plan(self) -> TopDownGrasps:
         """Grasps of the present scene, searched anew only if an object has moved since."""

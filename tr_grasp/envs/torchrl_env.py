@@ -52,6 +52,7 @@ class TorchRLGraspEnv(EnvBase):
         }
         if o.expert_labels:
             observation[keys.EXPERT_ACTION] = Bounded(-1.0, 1.0, (5,), dtype=torch.float32)
+            observation[keys.EXPERT_TARGET] = Unbounded((6,), dtype=torch.float32)
         self.observation_spec = Composite(observation)
         self.action_spec = Bounded(-1.0, 1.0, (5,), dtype=torch.float32)
         self.reward_spec = Unbounded((1,), dtype=torch.float32)
@@ -89,8 +90,9 @@ class TorchRLGraspEnv(EnvBase):
         )
         out[keys.OUTCOME] = info["outcome"].reshape(1).clone()
         out[keys.SUCCESS] = info["success"].reshape(1).clone()
-        if keys.EXPERT_ACTION in obs:
-            out[keys.EXPERT_ACTION] = obs[keys.EXPERT_ACTION][0]
+        for key in (keys.EXPERT_ACTION, keys.EXPERT_TARGET):
+            if key in obs:
+                out[key] = obs[key][0]
         return out
 
     def close(self, **kwargs: Any) -> None:

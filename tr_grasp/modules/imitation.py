@@ -17,6 +17,32 @@ GRIPPER_TARGETS = (0.02, 0.98)
 """Close, open. Soft, so that the pre-tanh mean of the gripper stays finite."""
 
 
+TARGET_SCALE_M = 0.1
+"""Offsets of the expert's grasp are predicted in units of this."""
+
+TARGET_N = 5
+"""Predicted numbers: offset (3), cosine and sine of twice the turn."""
+
+
+def localisation_loss(prediction: Tensor, target: Tensor, weight: Tensor) -> Tensor:
+    """How well features tell where the expert's grasp is, averaged over the weighted samples that have one.
+
+    An action label says little about place: most of its components are near zero or saturated. This says it outright.
+
+    Args:
+        prediction: ``(B, 5)``: offset from the tcp in units of ``TARGET_SCALE_M``, cosine and sine of twice the turn.
+        target: ``(B, 6)``, as ``keys.EXPERT_TARGET``.
+        weight: ``(B,)``; 0 leaves a sample out.
+
+    Returns:
+        Scalar; 0 if no sample has weight.
+    """
+    wanted = torch.cat([target[:, :3] / TARGET_SCALE_M, target[:, 3:5]], dim=1)
+    per_sample = F.huber_loss(prediction, wanted, delta=0.5, reduction="none").mean(-1)
+    counts = weight * target[:, 5]
+    return (per_sample * counts).sum() / counts.sum().clamp(min=1.0)
+
+
 def imitation_loss(mean: Tensor, expert_action: Tensor, weight: Tensor) -> Tensor:
     """Distance of the policy's deterministic action from the expert's, averaged over the weighted samples.
 

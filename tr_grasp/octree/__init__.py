@@ -12,7 +12,7 @@ from tr_grasp.octree.operators import (
 )
 from tr_grasp.octree.spec import OctreeSpec
 from tr_grasp.octree.structure import NodeSet, Octree, OctreeLevel
-from tr_grasp.octree.symmetry import augment, random_elements, turn_action, turn_frames, turn_proprio
+from tr_grasp.octree.symmetry import augment, random_elements, turn_action, turn_frames, turn_proprio, turn_target
 
 __all__ = [
     "NodeSet",
@@ -34,4 +34,5 @@ __all__ = [
     "turn_action",
     "turn_frames",
     "turn_proprio",
+    "turn_target",
 ]

@@ -84,6 +84,14 @@ def turn_action(elements: Tensor, action: Tensor) -> Tensor:
     return turned
 
 
+def turn_target(elements: Tensor, target: Tensor) -> Tensor:
+    """Turn a grasp as seen from the tool: ``target`` is ``(B, 6)``, see ``keys.EXPERT_TARGET``; a mirror reverses turns."""
+    turned = target.clone()
+    turned[:, :2] = _turn_horizontal(elements, target[:, :2])
+    turned[:, 4] *= _handedness(elements, target.dtype)
+    return turned
+
+
 def augment(
     elements: Tensor, frames: OctreeFrame, proprio: Tensor, action: Tensor, spec: OctreeSpec
 ) -> tuple[OctreeFrame, Tensor, Tensor]:

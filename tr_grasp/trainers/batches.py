@@ -6,8 +6,8 @@ import torch
 from tensordict import TensorDict
 
 from tr_grasp.configs import TrainCfg
-from tr_grasp.keys import ACTION, EXPERT_ACTION, OCTREE, PROPRIO
-from tr_grasp.octree import OctreeSpec, random_elements, turn_action, turn_frames, turn_proprio
+from tr_grasp.keys import ACTION, EXPERT_ACTION, EXPERT_TARGET, OCTREE, PROPRIO
+from tr_grasp.octree import OctreeSpec, random_elements, turn_action, turn_frames, turn_proprio, turn_target
 from tr_grasp.trainers.replay import ReplayBuffer
 
 IMITATION_WEIGHT = "imitation_weight"
@@ -44,9 +44,10 @@ class BatchSampler:
     def _draw(self, buffer: ReplayBuffer, n: int, imitate: bool) -> TensorDict:
         batch = buffer.sample(n, self.generator)
         # Own experience is collected without labels unless they are needed.
-        label = batch.get(EXPERT_ACTION, torch.zeros_like(batch[ACTION]))
-        batch.set(EXPERT_ACTION, label)
-        batch["next"].pop(EXPERT_ACTION, None)
+        batch.set(EXPERT_ACTION, batch.get(EXPERT_ACTION, torch.zeros_like(batch[ACTION])))
+        batch.set(EXPERT_TARGET, batch.get(EXPERT_TARGET, batch[ACTION].new_zeros(n, 6)))
+        for key in (EXPERT_ACTION, EXPERT_TARGET):
+            batch["next"].pop(key, None)
         batch.set(IMITATION_WEIGHT, torch.full((n,), float(imitate)))
         batch["next", "reward"] *= self._cfg.algorithm.reward_scale
         return batch
@@ -60,4 +61,5 @@ class BatchSampler:
             observation.set(PROPRIO, turn_proprio(elements, observation[PROPRIO], self._spec))
         for action in (ACTION, EXPERT_ACTION):
             batch.set(action, turn_action(elements, batch[action]))
+        batch.set(EXPERT_TARGET, turn_target(elements, batch[EXPERT_TARGET]))
         return batch

@@ -14,8 +14,9 @@ from torchrl.objectives import SoftUpdate
 from tr_grasp.configs import TrainCfg
 from tr_grasp.errors import TrainingDivergedError
 from tr_grasp.files import write_atomically
-from tr_grasp.keys import ACTOR_FEATURES, EXPERT_ACTION
+from tr_grasp.keys import ACTOR_FEATURES, EXPERT_ACTION, EXPERT_TARGET
 from tr_grasp.modules import Agent, build_loss, imitation_loss
+from tr_grasp.modules.imitation import TARGET_N, localisation_loss
 from tr_grasp.trainers.batches import IMITATION_WEIGHT
 from tr_grasp.trainers.schedules import imitation_weight, learning_rate, warmup
 
@@ -38,8 +39,14 @@ class Learner:
         self._folder = folder
         self._loss = build_loss(cfg, agent).to(cfg.trainer.device)
         self._targets = SoftUpdate(self._loss, tau=cfg.algorithm.tau)
-        self._networks = [p for name, p in self._loss.named_parameters() if name != "log_alpha"]
-        self._optimiser = torch.optim.Adam(self._loss.parameters(), lr=cfg.optimiser.learning_rate, fused=True)
+        features_n = agent.encoder.module.encoder.features_n
+        # Only learning needs it, so it is no part of the agent.
+        self._locator = torch.nn.Linear(features_n, TARGET_N).to(cfg.trainer.device)
+        networks = [p for name, p in self._loss.named_parameters() if name != "log_alpha"]
+        self._networks = [*networks, *self._locator.parameters()]
+        self._optimiser = torch.optim.Adam(
+            [*self._loss.parameters(), *self._locator.parameters()], lr=cfg.optimiser.learning_rate, fused=True
+        )
 
     def pretrain(self, batch: TensorDict) -> dict[str, Tensor]:
         """One update with the imitation loss alone. Target networks follow without delay, they are not in use yet.
@@ -48,9 +55,9 @@ class Learner:
             TrainingDivergedError: The loss or its gradient is not finite.
         """
         batch = batch.to(self._cfg.trainer.device)
-        loss = self._imitation(batch, self._loss.encode(batch))
-        self._step(batch, {"loss_imitation": loss}, loss, self._cfg.optimiser.learning_rate)
-        return {"loss_imitation": loss.detach()}
+        losses = self._imitation(batch, self._loss.encode(batch))
+        self._step(batch, losses, self._weighted(losses, 1.0), self._cfg.optimiser.learning_rate)
+        return {name: loss.detach() for name, loss in losses.items()}
 
     def synchronise_targets(self) -> None:
         """Make the target networks equal to the online ones."""
@@ -76,8 +83,8 @@ class Learner:
         losses: dict[str, Tensor] = {}
         total = torch.zeros((), device=features.device)
         if weight > 0:
-            losses["loss_imitation"] = self._imitation(batch, features)
-            total = total + weight * losses["loss_imitation"]
+            losses |= self._imitation(batch, features)
+            total = total + self._weighted(losses, weight)
         if cfg.imitation.reinforcement:
             losses |= dict(self._loss(batch.set(ACTOR_FEATURES, features)).items())
             actor_share = warmup(self.updates, cfg.algorithm.actor_warmup_updates)
@@ -93,6 +100,7 @@ class Learner:
         """Networks, their targets, the temperature, and Adam's moments."""
         return {
             "loss": dict(self._loss.state_dict()),
+            "locator": self._locator.state_dict(),
             "optimiser": self._optimiser.state_dict(),
             "updates": self.updates,
         }
@@ -100,12 +108,21 @@ class Learner:
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Restore exactly what :meth:`state_dict` returned."""
         self._loss.load_state_dict(state["loss"])
+        self._locator.load_state_dict(state["locator"])
         self._optimiser.load_state_dict(state["optimiser"])
         self.updates = state["updates"]
 
-    def _imitation(self, batch: TensorDict, features: Tensor) -> Tensor:
+    def _imitation(self, batch: TensorDict, features: Tensor) -> dict[str, Tensor]:
         mean = self.agent.actor.module[0].module(features)[0]
-        return imitation_loss(mean, batch[EXPERT_ACTION], batch[IMITATION_WEIGHT])
+        weight = batch[IMITATION_WEIGHT]
+        return {
+            "loss_imitation": imitation_loss(mean, batch[EXPERT_ACTION], weight),
+            "loss_localisation": localisation_loss(self._locator(features), batch[EXPERT_TARGET], weight),
+        }
+
+    def _weighted(self, losses: Mapping[str, Tensor], weight: float) -> Tensor:
+        localisation = self._cfg.imitation.localisation_weight * losses["loss_localisation"]
+        return weight * (losses["loss_imitation"] + localisation)
 
     def _step(self, batch: TensorDict, losses: Mapping[str, Tensor], total: Tensor, rate: float) -> Tensor:
         for group in self._optimiser.param_groups:

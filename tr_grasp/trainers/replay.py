@@ -14,7 +14,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from tr_grasp.errors import CheckpointError
-from tr_grasp.keys import ACTION, EXPERT_ACTION, OCTREE, PROPRIO, STAGES
+from tr_grasp.keys import ACTION, EXPERT_ACTION, EXPERT_TARGET, OCTREE, PROPRIO, STAGES
 from tr_grasp.octree import OctreeFrame
 
 OBSERVATIONS_PER_TRANSITION = 1.125
@@ -182,7 +182,7 @@ def _plan(done: list[bool], stack_n: int) -> tuple[Tensor, Tensor]:
 
 def _candidates(chunk: TensorDictBase) -> TensorDict:
     """Single observations: the first stack, the one after each step, and the one before each step."""
-    single = [key for key in (STAGES, EXPERT_ACTION) if key in chunk and key in chunk["next"]]
+    single = [key for key in (STAGES, EXPERT_ACTION, EXPERT_TARGET) if key in chunk and key in chunk["next"]]
     newest = [_newest(part, single) for part in (chunk["next"], chunk)]
     first = chunk[:1]
     stack_n = chunk[PROPRIO].shape[1]

@@ -149,8 +149,11 @@ class Trainer:
             self._losses.add(session.learner.pretrain(session.sampler.demonstrations()))
             session.counters.pretrained += 1
             if session.counters.pretrained % 100 == 0:
-                loss = self._losses.take("pretrain")["pretrain/loss_imitation"]
-                self._report(f"{session.counters.pretrained:>7}/{wanted} imitation updates | loss {loss:.3f}")
+                means = self._losses.take("pretrain")
+                self._report(
+                    f"{session.counters.pretrained:>7}/{wanted} imitation updates | "
+                    f"loss {means['pretrain/loss_imitation']:.3f}, localisation {means['pretrain/loss_localisation']:.3f}"
+                )
         self._losses.take("pretrain")
         session.learner.synchronise_targets()
         self._checkpoint()
