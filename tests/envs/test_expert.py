@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tr_grasp.configs import ActionCfg
-from tr_grasp.envs.expert import CLOSE, OPEN, ToolState, choose_grasp, expert_action
+from tr_grasp.envs.expert import CLOSE, OPEN, ToolState, choose_grasp, expert_action, target_from_tool
 from tr_grasp.grasps import TopDownGrasps
 
 ACTION = ActionCfg()
@@ -66,3 +66,14 @@ def test_the_nearer_of_two_equal_grasps_is_chosen():
 def test_without_a_grasp_there_is_no_choice():
     none = TopDownGrasps(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, int))
     assert choose_grasp(none, tool([0.5, 0, 0.2])) is None
+
+
+def test_the_target_says_where_the_grasp_is_and_how_far_to_turn():
+    target = target_from_tool(tool([0.5, 0.0, 0.2], yaw=0.1), np.array([0.52, -0.01, 0.05]), 0.1 + np.pi / 4)
+    np.testing.assert_allclose(target, [0.02, -0.01, -0.15, 0.0, 1.0, 1.0], atol=1e-6)
+
+
+@given(yaw=st.floats(-3, 3), goal=st.floats(0, 3.1))
+def test_half_a_turn_of_the_gripper_changes_no_target(yaw, goal):
+    near, far = (target_from_tool(tool([0.5, 0, 0.2], yaw=y), TARGET, goal) for y in (yaw, yaw + np.pi))
+    np.testing.assert_allclose(near, far, atol=1e-5)

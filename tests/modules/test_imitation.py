@@ -2,9 +2,11 @@ from __future__ import annotations
 
 import math
 
+import pytest
 import torch
 
 from tr_grasp.modules import imitation_loss
+from tr_grasp.modules.imitation import localisation_loss
 
 
 def test_a_case_by_hand():
@@ -36,3 +38,23 @@ def test_no_weight_at_all_is_no_loss_and_no_gradient():
     loss.backward()
     assert loss == 0
     assert not mean.grad.any()
+
+
+def test_localisation_compares_offsets_in_tenths_of_a_metre_and_the_double_turn():
+    target = torch.tensor([[0.05, 0.0, -0.1, 1.0, 0.0, 1.0]])
+    exact = torch.tensor([[0.5, 0.0, -1.0, 1.0, 0.0]])
+    assert localisation_loss(exact, target, torch.ones(1)).item() == pytest.approx(0.0, abs=1e-12)
+    off = exact.clone()
+    off[0, 1] = 0.2  # 2 cm: Huber of 0.2 with delta 0.5 is 0.02, the mean of five numbers 0.004
+    assert localisation_loss(off, target, torch.ones(1)).item() == pytest.approx(0.004)
+
+
+def test_localisation_leaves_out_what_has_no_weight_or_no_target():
+    target = torch.zeros(3, 6)
+    target[1:, 5] = 1.0
+    prediction = torch.full((3, 5), 9.0, requires_grad=True)
+    localisation_loss(prediction, target, torch.tensor([1.0, 0.0, 1.0])).backward()
+    assert prediction.grad[0].abs().sum() == 0
+    assert prediction.grad[1].abs().sum() == 0
+    assert prediction.grad[2].abs().sum() > 0
+    assert localisation_loss(prediction, target, torch.zeros(3)).item() == 0.0

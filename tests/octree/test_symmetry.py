@@ -10,7 +10,16 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from tests.octree.clouds import SPEC, random_cloud, random_frames
-from tr_grasp.octree import OctreeFrame, OctreeSpec, augment, octree_from_points, turn_action, turn_frames, turn_proprio
+from tr_grasp.octree import (
+    OctreeFrame,
+    OctreeSpec,
+    augment,
+    octree_from_points,
+    turn_action,
+    turn_frames,
+    turn_proprio,
+    turn_target,
+)
 from tr_grasp.octree.symmetry import ELEMENTS_N, compose, inverse, random_elements, rotations
 
 QUARTER_TURN, MIRROR = 1, 4
@@ -114,6 +123,14 @@ def test_a_quarter_turn_worked_by_hand() -> None:
     proprio = torch.tensor([[1.0, 0.6, 0.0, 0.2, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0]])
     expected = torch.tensor([[1.0, 0.5, 0.1, 0.2, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0]])
     torch.testing.assert_close(turn_proprio(element, proprio, SPEC), expected)
+
+
+def test_a_mirrored_grasp_lies_on_the_other_side_and_turns_the_other_way() -> None:
+    target = torch.tensor([[0.02, 0.03, -0.1, 0.6, 0.8, 1.0]])
+    mirrored = turn_target(torch.tensor([4]), target)
+    torch.testing.assert_close(mirrored, torch.tensor([[0.02, -0.03, -0.1, 0.6, -0.8, 1.0]]))
+    quarter = turn_target(torch.tensor([1]), target)
+    torch.testing.assert_close(quarter, torch.tensor([[-0.03, 0.02, -0.1, 0.6, 0.8, 1.0]]))
 
 
 def test_a_mirror_worked_by_hand() -> None:

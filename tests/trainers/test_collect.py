@@ -11,13 +11,14 @@ from pathlib import Path
 import pytest
 import torch
 from tensordict import TensorDict
+from torchrl.envs.utils import ExplorationType, exploration_type
 
 from tests.toy_env import env_spec, make_env, train_cfg
 from tr_grasp.errors import ConfigError, TrGraspError
 from tr_grasp.keys import ACTION, EXPERT_ACTION
 from tr_grasp.modules import build_agent
 from tr_grasp.octree import OctreeFrame
-from tr_grasp.trainers.acting import ExploringPolicy, RandomActions, ScriptedExpert
+from tr_grasp.trainers.acting import STEP_COUNT, ExploringPolicy, RandomActions, ScriptedExpert
 from tr_grasp.trainers.collect import Collection, CollectPlan, worker_seed
 
 ROOT = Path(__file__).parents[2]
@@ -149,6 +150,21 @@ def test_noise_moves_the_policys_action_and_stays_in_range():
     assert actions.max() == 1.0
     assert 0.2 < actions.std() < 0.5
     assert torch.equal(ExploringPolicy(Constant(5), 0.0)(TensorDict())[ACTION], torch.full((5,), 0.9))
+
+
+def test_a_share_of_the_episodes_acts_without_exploring():
+    class Asked(RandomActions):
+        def forward(self, tensordict):
+            sampled = exploration_type() != ExplorationType.DETERMINISTIC
+            return tensordict.set(ACTION, torch.full((5,), float(sampled)))
+
+    policy = ExploringPolicy(Asked(5), 0.0, deterministic_share=0.3)
+    episodes = []
+    for _ in range(400):
+        steps = [float(policy(TensorDict({STEP_COUNT: torch.tensor([t])}))[ACTION][0]) for t in range(3)]
+        assert len(set(steps)) == 1  # the choice is made once an episode
+        episodes.append(steps[0])
+    assert 0.6 < sum(episodes) / 400 < 0.8
 
 
 def test_the_expert_keeps_its_noise_for_an_episode_and_its_label_clean():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 import tr_grasp
@@ -30,6 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: the verb's own, 2 for a mistake that has been explained, 130 after Ctrl-C.
     """
+    _silence_missing_vulkan()
     verb, *args = list(sys.argv[1:] if argv is None else argv) or ["--help"]
     try:
         code = _run(verb, args)
@@ -61,6 +63,14 @@ def _run(verb: str, args: list[str]) -> int:
         if isinstance(error, TrGraspError) or (error.name or "").startswith("tr_grasp"):
             raise
         return _say(f"{error}; `tr-grasp doctor` says what is missing", 2)
+
+
+def _silence_missing_vulkan() -> None:
+    # SAPIEN warns about it in every process; nothing here needs it, and `doctor` says so once.
+    message = "Failed to find system libvulkan"
+    warnings.filterwarnings("ignore", message=message)
+    others = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = f"{others + ',' if others else ''}ignore:{message}"
 
 
 def _help() -> str:

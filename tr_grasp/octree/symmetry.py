@@ -85,7 +85,7 @@ def turn_action(elements: Tensor, action: Tensor) -> Tensor:
 
 
 def turn_target(elements: Tensor, target: Tensor) -> Tensor:
-    """Turn a grasp as seen from the tool: ``target`` is ``(B, 6)``, see ``keys.EXPERT_TARGET``; a mirror reverses turns."""
+    """Turn a grasp as seen from the tool, ``(B, 6)`` as ``keys.EXPERT_TARGET``; a mirror reverses its sine."""
     turned = target.clone()
     turned[:, :2] = _turn_horizontal(elements, target[:, :2])
     turned[:, 4] *= _handedness(elements, target.dtype)

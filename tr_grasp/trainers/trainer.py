@@ -152,7 +152,8 @@ class Trainer:
                 means = self._losses.take("pretrain")
                 self._report(
                     f"{session.counters.pretrained:>7}/{wanted} imitation updates | "
-                    f"loss {means['pretrain/loss_imitation']:.3f}, localisation {means['pretrain/loss_localisation']:.3f}"
+                    f"loss {means['pretrain/loss_imitation']:.3f}, "
+                    f"localisation {means['pretrain/loss_localisation']:.3f}"
                 )
         self._losses.take("pretrain")
         session.learner.synchronise_targets()
