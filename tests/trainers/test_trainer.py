@@ -74,7 +74,7 @@ def test_an_interrupted_and_resumed_run_equals_an_uninterrupted_one(tmp_path, cr
 
 def test_a_run_leaves_its_settings_record_curve_and_policies(tmp_path):
     lines: list[str] = []
-    result = trainer(tmp_path / "run", report=lines.append, command=["tr-grasp", "train", "toy"]).run()
+    result = trainer(tmp_path / "run", report=lines.append, command="tr-grasp train toy").run()
     folder = tmp_path / "run"
     assert not result.interrupted
     record = json.loads((folder / "training.json").read_text())
