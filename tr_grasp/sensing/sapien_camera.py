@@ -23,6 +23,8 @@ class SapienCamera:
 
     def __init__(self, scene: sapien.Scene, camera: PinholeCamera, near_m: float = 0.01, far_m: float = 10.0) -> None:
         self._scene, self._far = scene, far_m
+        # The shader pack is global, and ManiSkill's own cameras leave one there that draws no float positions.
+        render.set_camera_shader_dir("default")
         self._component = render.RenderCameraComponent(camera.width_px, camera.height_px)
         self._component.set_fovy(camera.fov_rad, compute_x=True)
         self._component.near, self._component.far = near_m, far_m
