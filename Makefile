@@ -38,7 +38,9 @@ types: setup  ## pyright
 	@$(PYTHON_BIN) -m pyright
 
 bench: setup  ## every benchmark, JSON rows on the terminal
-	@for script in benchmarks/[a-z]*.py; do echo "# $$script"; $(PYTHON_BIN) $$script || exit 1; done
+	@for script in benchmarks/[a-z]*.py; do \
+		module=benchmarks.$$(basename $$script .py); echo "# $$module"; $(PYTHON_BIN) -m $$module || exit 1; \
+	done
 
 clean:  ## remove the environment and caches; runs stay
 	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis build *.egg-info

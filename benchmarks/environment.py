@@ -1,20 +1,19 @@
 """Environment step and camera, one core: against stock ManiSkill and SAPIEN's renderer where they can run.
 
-    python benchmarks/environment.py
+    python -m benchmarks.environment
 
 Prints one JSON row a measurement: median milliseconds, rate, and the ratio to the peer of the same run.
 """
 
 from __future__ import annotations
 
-import json
-import platform
 import statistics
 import time
 from collections.abc import Callable, Iterator
 
 import torch
 
+from benchmarks._common import print_row
 from tr_grasp import keys
 from tr_grasp.configs import CameraCfg, EnvCfg, ObjectsCfg, ObservationCfg
 from tr_grasp.doctor import probe_vulkan
@@ -66,15 +65,11 @@ def camera_times(backend: str, size_px: int) -> Iterator[float]:
     env.close()
 
 
-def row(name: str, times: Iterator[float], peer_ms: float | None = None) -> float:
+def row(name: str, times: Iterator[float], peer: str | None = None, peer_ms: float | None = None) -> float:
     """Print one measurement and return its median."""
     values = list(times)[5:]
-    median = statistics.median(values)
-    mean = statistics.fmean(values)
-    out = {"name": name, "median_ms": round(median, 3), "mean_ms": round(mean, 3), "per_s": round(1e3 / mean, 1)}
-    if peer_ms is not None:
-        out["times_faster_than_peer"] = round(peer_ms / median, 2)
-    print(json.dumps(out | {"threads": torch.get_num_threads(), "machine": platform.processor() or platform.machine()}))
+    median, mean = statistics.median(values), statistics.fmean(values)
+    print_row(name, median, peer, peer_ms, mean_ms=round(mean, 3), per_s=round(1e3 / mean, 1))
     return median
 
 
@@ -82,16 +77,15 @@ def main() -> None:
     """Run all measurements."""
     torch.set_num_threads(1)
     vulkan, _ = probe_vulkan()
-    stock = row("stock ManiSkill PickCube-v1, pointcloud", stock_step_times()) if vulkan else None
-    row("step with octree observation", step_times(EnvCfg()), stock)
-    row(
-        "step with octree observation and expert label",
-        step_times(EnvCfg(observation=ObservationCfg(expert_labels=True))),
-        stock,
-    )
+    peer = "stock ManiSkill PickCube-v1, pointcloud"
+    stock = row(peer, stock_step_times()) if vulkan else None
+    labelled = EnvCfg(observation=ObservationCfg(expert_labels=True))
+    row("step with octree observation", step_times(EnvCfg()), peer, stock)
+    row("step with octree observation and expert label", step_times(labelled), peer, stock)
     for size in (64, 80, 128):
-        sapien = row(f"SAPIEN camera {size} x {size}", camera_times("sapien", size)) if vulkan else None
-        row(f"ray-cast camera {size} x {size}", camera_times("raycast", size), sapien)
+        peer = f"SAPIEN camera {size} x {size}"
+        sapien = row(peer, camera_times("sapien", size)) if vulkan else None
+        row(f"ray-cast camera {size} x {size}", camera_times("raycast", size), peer, sapien)
 
 
 if __name__ == "__main__":
