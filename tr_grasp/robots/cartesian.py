@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,11 +73,19 @@ def pose_of(target: ToolTarget, R_base_home: Array) -> Array:
 
 
 def inverse_kinematics(
-    kinematics: Kinematics, T_base_goal: Array, q_start: Array, lower: Array, upper: Array, iterations: int = 6
+    kinematics: Kinematics,
+    T_base_goal: Array,
+    q_start: Array,
+    lower: Array,
+    upper: Array,
+    iterations: int = 6,
+    rest: Array | None = None,
 ) -> Array:
     """Joint angles (n,) near ``q_start`` whose tcp comes closest to a goal: damped least squares inside the limits.
 
     A goal out of reach gives the nearest pose that the iterations find, not an error: the arm then stops short.
+    Where an arm with more than six joints may choose, it goes towards ``rest`` (n,); without it, its elbow drifts
+    over hundreds of moves.
     Source: Nakamura & Hanafusa 1986, damped least squares.
     """
     q = q_start
@@ -89,15 +98,62 @@ def inverse_kinematics(
             break
         error = np.concatenate([R.T @ offset, R.T @ turn])
         J = kinematics.jacobian(q)
-        dq = J.T @ np.linalg.solve(J @ J.T + 1e-5 * np.eye(6), error)
+        JJ = J @ J.T + 1e-5 * np.eye(6)
+        dq = J.T @ np.linalg.solve(JJ, error)
+        if rest is not None:
+            towards = REST_GAIN * (rest - q)
+            dq = dq + towards - J.T @ np.linalg.solve(JJ, J @ towards)
         largest = np.abs(dq).max()
         q = np.clip(q + dq * min(1.0, 0.5 / max(largest, 1e-12)), lower, upper)
     return q
 
 
+REST_GAIN = 0.05
+"""Part of the way to rest that an iteration takes."""
+
+
 def _small_rotation(R: Array) -> Array:
     """(3,) rotation vector of a small rotation (first order)."""
     return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+
+
+class DriveGain(NamedTuple):
+    """Spring, damper and largest force of a joint's drive [N/m, N s/m, N; N m/rad, ... for turning joints]."""
+
+    stiffness: float
+    damping: float
+    force_limit: float
+
+
+class Fingers(Protocol):
+    """How a controller moves the fingers of a gripper: from one common setpoint."""
+
+    @property
+    def open_setpoint(self) -> float:
+        """Setpoint of the open gripper."""
+        ...
+
+    @property
+    def open_positions(self) -> Array:
+        """(joints,) of the open gripper."""
+        ...
+
+    @property
+    def gains(self) -> Sequence[DriveGain]:
+        """Of each joint."""
+        ...
+
+    def opening_m(self, fingers: Array) -> float:
+        """Distance between the pads at joint positions (joints,)."""
+        ...
+
+    def reach_m(self, fingers: Array) -> float:
+        """How far the fingertips at positions (joints,) reach beyond where they are when closed."""
+        ...
+
+    def targets(self, setpoint: float, closing: bool, fingers: Array, dt_s: float) -> tuple[float, Array]:
+        """The next setpoint, and the target of each joint (joints,), from their positions now."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -115,6 +171,29 @@ class FingerDrive:
     speed_mps: float = 0.2
     force_n: float = 40.0
     stiffness: float = 1000.0
+
+    @property
+    def open_setpoint(self) -> float:
+        """Setpoint of the open gripper."""
+        return self.open_m
+
+    @property
+    def open_positions(self) -> Array:
+        """(2,) of the open gripper."""
+        return np.full(2, self.open_m)
+
+    @property
+    def gains(self) -> tuple[DriveGain, ...]:
+        """Of each finger."""
+        return (DriveGain(self.stiffness, 1e2, 150.0),) * 2
+
+    def opening_m(self, fingers: Array) -> float:
+        """Distance between the fingers at positions (2,)."""
+        return float(fingers.sum())
+
+    def reach_m(self, fingers: Array) -> float:
+        """Nothing: these fingers slide straight."""
+        return 0.0
 
     def targets(self, setpoint: float, closing: bool, fingers: Array, dt_s: float) -> tuple[float, Array]:
         """The next common setpoint and the position target of each finger (2,) [m].
