@@ -14,6 +14,10 @@ class ConfigError(TrGraspError, ValueError):
     """A setting, preset or flag that does not exist or has a value outside its range."""
 
 
+class MotionError(TrGraspError, ValueError):
+    """A motion that cannot be asked for: another number of joints, NaN, a limit that is not positive, no such mode."""
+
+
 class MeshError(TrGraspError, ValueError):
     """An object mesh that cannot be simulated: missing, empty, open, absurdly scaled or not finite."""
 

@@ -9,7 +9,14 @@ from torch import Tensor, nn
 
 from tests.octree.clouds import SPEC, random_cloud, random_frames
 from tr_grasp.errors import ConfigError
-from tr_grasp.modules.encoders import LocalisingOCNN, StackedEncoder, VanillaOCNN, build_encoder
+from tr_grasp.modules.encoders import (
+    ENCODERS,
+    LocalisingOCNN,
+    StackedEncoder,
+    VanillaOCNN,
+    build_encoder,
+    encoder_options,
+)
 from tr_grasp.modules.encoders.localising import OFFSET_SCALE
 from tr_grasp.modules.encoders.readout import MOMENT_SCALE, SpatialReadout
 from tr_grasp.modules.encoders.tool_frame import tool_pose
@@ -22,8 +29,21 @@ VARIANTS = [
     {"name": "vanilla_ocnn", "node_set": "siblings"},
     {"name": "localising_ocnn"},
     {"name": "localising_ocnn", "conv_layers_n": 0},
+    {"name": "localising_ocnn", "attention": False},
+    {"name": "localising_ocnn", "tcp_coordinates": False, "tool_coordinates": False},
+    {"name": "vanilla_ocnn", "norm": "batch", "proprio": False},
+    {"name": "residual_ocnn"},
+    {"name": "residual_ocnn", "num_blocks": 1, "norm": "batch", "node_set": "siblings"},
+    {"name": "residual_ocnn", "num_blocks": 1, "norm": "group"},
+    {"name": "o_ahrnet"},
+    {"name": "o_ahrnet", "norm": "layer", "shared_stack": True},
+    {"name": "point_net"},
+    {"name": "point_net", "norm": "batch"},
+    {"name": "state_mlp"},
 ]
+OCTREE_VARIANTS = [variant for variant in VARIANTS if variant["name"] != "state_mlp"]
 every_variant = pytest.mark.parametrize("variant", VARIANTS, ids=lambda v: "-".join(map(str, v.values())))
+every_octree_variant = pytest.mark.parametrize("variant", OCTREE_VARIANTS, ids=lambda v: "-".join(map(str, v.values())))
 
 
 def random_proprio(*batch: int) -> Tensor:
@@ -39,6 +59,7 @@ def random_batch(batch_n: int) -> tuple[OctreeFrame, Tensor]:
 
 
 def build(variant: dict) -> StackedEncoder:
+    torch.manual_seed(0)
     return build_encoder(**variant, spec=SPEC)
 
 
@@ -56,7 +77,7 @@ def test_features_have_the_announced_size_and_are_finite(variant: dict) -> None:
 
 @every_variant
 def test_a_batch_is_encoded_like_its_samples_one_by_one(variant: dict) -> None:
-    encoder = build(variant)
+    encoder = build(variant).eval()
     frames, proprio = random_batch(4)
     alone = torch.cat([encoder(frames[i : i + 1], proprio[i : i + 1]) for i in range(4)])
     torch.testing.assert_close(encoder(frames, proprio), alone, rtol=1e-4, atol=1e-5)
@@ -86,12 +107,15 @@ def test_gradients_reach_every_parameter(variant: dict) -> None:
 
 @every_variant
 def test_samples_of_a_batch_do_not_influence_each_other(variant: dict) -> None:
-    encoder = build(variant)
+    encoder = build(variant).eval()
     frames, proprio = random_batch(3)
     proprio.requires_grad_()
-    (gradient,) = torch.autograd.grad(encoder(frames, proprio)[1].square().sum(), proprio)
-    assert gradient[1].abs().sum() > 0
-    assert not gradient[[0, 2]].any()
+    frames.features = frames.features.float().requires_grad_()
+    features = encoder(frames, proprio)[1].square().sum()
+    seen = torch.autograd.grad(features, [proprio, frames.features], materialize_grads=True)
+    for gradient, is_read in zip(seen, (variant.get("proprio", True), variant["name"] != "state_mlp"), strict=True):
+        assert (gradient[1].abs().sum() > 0) == is_read
+        assert not gradient[[0, 2]].any()
 
 
 @every_variant
@@ -108,7 +132,7 @@ def test_empty_frames_give_finite_features_and_gradients(variant: dict) -> None:
 
 @every_variant
 def test_encoders_run_under_autocast(variant: dict) -> None:
-    encoder = build(variant)
+    encoder = build(variant).eval()
     frames, proprio = random_batch(2)
     with torch.autocast("cpu", dtype=torch.bfloat16):
         features = encoder(frames, proprio)
@@ -141,12 +165,16 @@ def test_vanilla_is_the_published_network_on_dense_grids(node_set: str) -> None:
     torch.testing.assert_close(encoder(frames, proprio), dense)
 
 
-@pytest.mark.parametrize("depth", [3, 4, 5])
-def test_encoders_fit_every_depth(depth: int) -> None:
-    spec = OctreeSpec(SPEC.origin_m, SPEC.side_m, depth)
-    frames, proprio = random_frames(2, spec=spec), random_proprio(2)
-    for encoder in (VanillaOCNN(spec), LocalisingOCNN(spec)):
-        assert encoder(frames, proprio).shape == (2, encoder.features_n)
+@pytest.mark.parametrize("name", sorted(set(ENCODERS) - {"image_cnn"}))
+@pytest.mark.parametrize("depth", [3, 4, 5, 6])
+def test_encoders_fit_every_depth(depth: int, name: str) -> None:
+    spec = OctreeSpec(SPEC.origin_m, SPEC.side_m, depth, colour=False)
+    frames, proprio = random_frames(2, spec=spec)[:, None], random_proprio(2, 1)
+    encoder = build_encoder(name, in_channels=4, spec=spec, stack_n=1)
+    features = encoder(frames, proprio)
+    assert features.shape == (2, encoder.features_n)
+    features.square().sum().backward()
+    assert all(parameter.grad.isfinite().all() for parameter in encoder.parameters())
 
 
 def test_separate_encoders_differ_and_a_shared_one_encodes_all_frames_alike() -> None:
@@ -221,11 +249,55 @@ def test_localising_reads_the_mean_point_of_each_block_from_the_tool() -> None:
         torch.testing.assert_close(offsets[row], torch.cat([offset, tool.axes[sample] @ offset]), atol=1e-5, rtol=1e-4)
 
 
+@every_octree_variant
+def test_frames_of_another_octree_are_refused(variant: dict) -> None:
+    encoder = build(variant)
+    grey = OctreeSpec(SPEC.origin_m, SPEC.side_m, colour=False)
+    deep = OctreeSpec(SPEC.origin_m, SPEC.side_m, depth=5)
+    for spec, match in ((grey, "must have 7 channels.*got 4"), (deep, "leaves of depth 4.*of a deeper one")):
+        frames = random_frames(STACK_N, spec=spec).reshape(1, STACK_N)
+        with pytest.raises(ValueError, match=match):
+            encoder(frames, random_proprio(1, STACK_N))
+
+
 def test_unknown_names_and_foreign_channels_are_refused() -> None:
     with pytest.raises(ConfigError, match="did you mean 'vanilla_ocnn'"):
         build_encoder("vanila_ocnn")
     with pytest.raises(ConfigError, match="in_channels must be 7"):
         build_encoder("vanilla_ocnn", in_channels=4, spec=SPEC)
+    with pytest.raises(ConfigError, match="image_cnn reads an image, and observations have none"):
+        build_encoder("image_cnn")
+
+
+def test_options_that_a_network_lacks_are_refused_unless_they_change_nothing() -> None:
+    with pytest.raises(ConfigError, match=r"vanilla_ocnn has no option 'num_blocks' .* Valid: node_set, norm,"):
+        build_encoder("vanilla_ocnn", num_blocks=4)
+    with pytest.raises(ConfigError, match="no option 'blocks'"):
+        build_encoder("residual_ocnn", blocks=4)
+    everything = {key: value for name in ENCODERS for key, value in encoder_options(name).items()}
+    for name in set(ENCODERS) - {"image_cnn"}:
+        build_encoder(name, **everything, spec=SPEC)
+
+
+def test_an_option_has_the_same_default_in_all_networks() -> None:
+    defaults: dict[str, object] = {}
+    for name in ENCODERS:
+        for key, value in encoder_options(name).items():
+            assert defaults.setdefault(key, value) == value, key
+
+
+@pytest.mark.parametrize(
+    ("option", "match"),
+    [
+        ({"node_set": "all"}, "unknown node set 'all'"),
+        ({"norm": "instance"}, "unknown normalisation 'instance'.*batch, group, layer, none"),
+        ({"norm_momentum": 0.0}, r"norm_momentum must be in \(0, 1\], got 0.0"),
+        ({"num_blocks": 0}, "num_blocks must be at least 1, got 0"),
+    ],
+)
+def test_options_outside_their_range_are_refused(option: dict, match: str) -> None:
+    with pytest.raises(ConfigError, match=match):
+        build_encoder("residual_ocnn", **option)
 
 
 def test_a_stack_of_another_length_is_refused() -> None:

@@ -7,9 +7,6 @@ from torch import Tensor, nn
 
 from tr_grasp.octree import OctreeLevel
 
-OFFSETS_N = 5
-"""Numbers that place a block relative to the gripper: offset in the base frame (3), along the tool's x and y (2)."""
-
 MOMENTS_N = 3
 
 LOGIT_BOUND = 10.0
@@ -22,37 +19,71 @@ MOMENT_SCALE = 6.0
 class SpatialReadout(nn.Module):
     """Attention heads that read positions, and the largest of every channel.
 
-    Each head weighs all blocks of a sample (softmax) and reads the mean offset, the central second moments along the
-    tool's axes, which tell how the attended blocks are oriented, and the mean of learned values.
+    Each head weighs all blocks of a sample (softmax) and reads the mean position, the second moments of two of its
+    coordinates, which tell how the attended blocks are oriented, and the mean of learned values.
 
     Args:
         channels: Channels of a block.
         heads_n: Attention heads.
         values_n: Learned values that every head averages.
+        positions_n: Coordinates of a block.
+        plane: The two coordinates of which moments are read.
+        central_moments: Moments about the attended mean; otherwise about the coordinates' origin, from which a network
+            must work out the spread itself.
     """
 
-    def __init__(self, channels: int, heads_n: int, values_n: int) -> None:
+    def __init__(
+        self,
+        channels: int,
+        heads_n: int,
+        values_n: int,
+        positions_n: int = 5,
+        plane: tuple[int, int] = (3, 4),
+        central_moments: bool = True,
+    ) -> None:
         super().__init__()
+        self.positions_n = positions_n
+        self.plane = plane
+        self.central_moments = central_moments
         self.logits = nn.Linear(channels, heads_n)
         self.values = nn.Linear(channels, values_n)
-        self.features_n = heads_n * (OFFSETS_N + MOMENTS_N + values_n) + channels
+        self.features_n = heads_n * (positions_n + MOMENTS_N + values_n) + channels
 
-    def forward(self, blocks: Tensor, offsets: Tensor, level: OctreeLevel) -> Tensor:
-        """Features ``(B, features_n)`` of block channels ``(n, channels)``, not negative, and offsets ``(n, 5)``.
+    def forward(self, blocks: Tensor, positions: Tensor, level: OctreeLevel) -> Tensor:
+        """Features ``(B, features_n)`` of block channels ``(n, channels)``, not negative, and their positions.
 
         A sample without a block gets zeros.
         """
         weights = level.pad((LOGIT_BOUND * torch.tanh(self.logits(blocks) / LOGIT_BOUND)).exp())
         weights = weights / weights.sum(1, keepdim=True).clamp_min(torch.finfo(weights.dtype).tiny)
 
-        x, y = offsets[:, 3], offsets[:, 4]
-        squares = torch.stack([x * x, x * y, y * y], dim=1)
         # One padded copy serves the heads and the maximum; padding by zeros is harmless where nothing is negative.
-        content = level.pad(torch.cat([offsets, squares, self.values(blocks), blocks], dim=1))
+        content = level.pad(torch.cat([positions, self._squares(positions), self.values(blocks), blocks], dim=1))
         averaged, blocks = content.split([content.shape[2] - blocks.shape[1], blocks.shape[1]], dim=2)
         read = torch.bmm(weights.transpose(1, 2), averaged)
 
-        mean, squares, values = read.split([OFFSETS_N, MOMENTS_N, read.shape[2] - OFFSETS_N - MOMENTS_N], dim=2)
-        x, y = mean[..., 3], mean[..., 4]
-        moments = MOMENT_SCALE * (squares - torch.stack([x * x, x * y, y * y], dim=2))
-        return torch.cat([torch.cat([mean, moments, values], dim=2).flatten(1), blocks.amax(1)], dim=1)
+        means_n = (self.positions_n, MOMENTS_N, self.values.out_features)
+        mean, moments, values = read.split(means_n, dim=2)
+        if self.central_moments:
+            moments = moments - self._squares(mean)
+        return torch.cat([torch.cat([mean, MOMENT_SCALE * moments, values], dim=2).flatten(1), blocks.amax(1)], dim=1)
+
+    def _squares(self, positions: Tensor) -> Tensor:
+        x, y = (positions[..., i] for i in self.plane)
+        return torch.stack([x * x, x * y, y * y], dim=-1)
+
+
+class MaxReadout(nn.Module):
+    """The largest of every channel, and no position: what is left of ``SpatialReadout`` without attention.
+
+    Args:
+        channels: Channels of a block.
+    """
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.features_n = channels
+
+    def forward(self, blocks: Tensor, positions: Tensor, level: OctreeLevel) -> Tensor:
+        """Features ``(B, channels)`` of block channels ``(n, channels)``, not negative; positions are not read."""
+        return level.pad(blocks).amax(1)
