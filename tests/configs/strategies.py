@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import types
 from typing import Any, Literal, get_args, get_origin
 
 from hypothesis import strategies as st
@@ -15,12 +16,15 @@ def values(hint: Any) -> st.SearchStrategy[Any]:
     """Plain values of a setting's type."""
     if get_origin(hint) is Literal:
         return st.sampled_from(get_args(hint))
+    if get_origin(hint) is types.UnionType:
+        return st.one_of(*map(values, get_args(hint)))
     if get_origin(hint) is tuple:
         kinds = get_args(hint)
         if Ellipsis in kinds:
             return st.lists(values(kinds[0]), min_size=1, max_size=4)
         return st.tuples(*map(values, kinds)).map(list)
     plain = {
+        types.NoneType: st.none(),
         bool: st.booleans(),
         int: st.integers(0, 10**9),
         float: st.floats(allow_nan=False, allow_infinity=False),

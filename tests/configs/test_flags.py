@@ -11,8 +11,8 @@ from hypothesis import given, settings
 
 from tests.configs.strategies import changes, delta_of
 from tr_grasp.configs import TrainCfg
-from tr_grasp.configs.build import build
-from tr_grasp.configs.flags import parse
+from tr_grasp.configs.build import build, leaf_types
+from tr_grasp.configs.flags import ALIASES, _lengthen, parse
 from tr_grasp.errors import ConfigError
 
 
@@ -57,6 +57,64 @@ def test_a_flag_says_the_same_as_a_line_in_a_file(named: list[tuple[str, Any]]) 
 )
 def test_hyphens_and_underscores_are_the_same(flag: str) -> None:
     assert parse(TrainCfg, flag.split(), TrainCfg()).replay.symmetry_augmentation is False
+
+
+@pytest.mark.parametrize(
+    ("short", "path"),
+    [
+        ("--encoder residual_ocnn", "network.encoder"),
+        ("--num-blocks 4", "network.num_blocks"),
+        ("--norm batch", "network.norm"),
+        ("--heads advanced", "network.heads"),
+        ("--features_n=32", "network.features_n"),
+        ("--algorithm sac", "algorithm.name"),
+        ("--drop-per-net 3", "algorithm.drop_per_net"),
+        ("--drop-per-net None", "algorithm.drop_per_net"),
+        ("--encoder-grad actor", "algorithm.encoder_grad"),
+        ("--stack 2", "env.observation.stack_n"),
+        ("--stack-n 2", "env.observation.stack_n"),
+        ("--colour off", "env.observation.colour"),
+        ("--seed 3", "seed"),
+    ],
+)
+def test_the_last_part_of_a_path_is_enough(short: str, path: str) -> None:
+    name, *values = short.replace("=", " ").split()
+    assert parse(TrainCfg, short.split(), TrainCfg()) == parse(TrainCfg, [f"--{path}", *values], TrainCfg())
+    assert name.startswith("--")
+
+
+def test_spectral_norm_is_one_flag_beside_the_heads_that_it_needs() -> None:
+    network = parse(TrainCfg, ["--heads", "advanced", "--spectral-norm", "critic"], TrainCfg()).network
+    assert (network.heads, network.spectral_norm) == ("advanced", "critic")
+
+
+def test_every_setting_has_the_short_flag_that_is_its_own_and_no_other() -> None:
+    paths = [path for path, _ in leaf_types(TrainCfg)]
+    for path in paths:
+        last = path.rpartition(".")[2]
+        alike = [other for other in paths if other.rpartition(".")[2] == last]
+        meant = _lengthen(dict(leaf_types(TrainCfg)), f"--{last}") if len(alike) == 1 else None
+        assert meant in (None, f"--{path}")
+
+
+def test_a_short_flag_that_could_be_several_is_refused_with_all_of_them() -> None:
+    with pytest.raises(ConfigError) as refused:
+        parse(TrainCfg, ["--episode-steps", "9"], TrainCfg())
+    assert str(refused.value) == (
+        "--episode-steps: could be --env.episode_steps or --demonstrations.episode_steps or --trainer.episode_steps; "
+        "write one of them out"
+    )
+
+
+def test_aliases_are_settings() -> None:
+    assert set(ALIASES.values()) <= {path for path, _ in leaf_types(TrainCfg)}
+
+
+def test_help_says_in_one_sentence_that_flags_may_be_short(capsys: pytest.CaptureFixture[str]) -> None:
+    for cfg_class, told in ((TrainCfg, True), (JudgeArgs, False)):
+        with pytest.raises(SystemExit):
+            parse(cfg_class, ["--help"], prog="judge")
+        assert ("A flag may be as short as" in " ".join(capsys.readouterr().out.split())) == told
 
 
 def test_flags_change_the_default_that_is_given() -> None:

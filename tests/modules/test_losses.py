@@ -302,7 +302,7 @@ def fix_log_prob(monkeypatch):
             return distribution.loc, value + 0.0 * distribution.loc.sum(-1)
 
         monkeypatch.setattr("torchrl.objectives.tqc.compute_rsample_log_prob", sample)
-        monkeypatch.setattr("tr_grasp.modules.losses.compute_rsample_log_prob", sample)
+        monkeypatch.setattr("tr_grasp.modules.losses.stochastic.compute_rsample_log_prob", sample)
 
     return fix
 
@@ -380,6 +380,36 @@ def test_it_agrees_with_the_oracle_and_with_recorded_numbers(fix_log_prob):
     assert math.isclose(float(losses["loss_actor"]), 0.007321218793327616, rel_tol=1e-9)
     expected_alpha = oracle.alpha_loss(math.log(0.1), log_prob, -7.0)
     assert math.isclose(float(losses["loss_alpha"]), expected_alpha, rel_tol=1e-12)
+
+
+@pytest.mark.parametrize("reduction", ["sum", "mean"])
+@pytest.mark.parametrize("normalise", [False, True])
+@pytest.mark.parametrize(("critics_n", "quantiles_n", "drop"), [(2, 25, 3), (1, 5, 0), (3, 7, 6)])
+@pytest.mark.parametrize("seed", range(3))
+def test_it_agrees_with_the_oracle_on_fresh_inputs(
+    fix_log_prob, seed, critics_n, quantiles_n, drop, normalise, reduction
+):
+    rng = np.random.default_rng(100 + seed)
+    batch_n, alpha, gamma = 9, rng.uniform(0.01, 1), rng.uniform(0.5, 0.999)
+    now, following = (s * rng.normal(size=(batch_n, critics_n, quantiles_n)) for s in (1, 3))
+    log_prob, reward = rng.normal(size=batch_n), 3 * rng.normal(size=batch_n)
+    terminated, truncated = (rng.random((2, batch_n)) < 0.5).astype(float)
+    fix_log_prob(log_prob)
+    loss = table_loss(quantiles_n, critics_n, drop=drop, alpha=alpha, gamma=gamma)
+    loss.critic_reduction, loss.normalise_actor_loss = reduction, normalise
+    batch = table_batch(now, following, reward, terminated)
+    # What is cut short goes on from the oracle's point of view: only an end ends the return.
+    batch["next", "truncated"] = torch.as_tensor(truncated, dtype=torch.bool)[:, None]
+    batch["next", "done"] = batch["next", "truncated"] | batch["next", "terminated"]
+    atoms = oracle.target_atoms(following, log_prob, reward, terminated, gamma, alpha, drop)
+    losses = loss(batch).detach()
+
+    per_critic = oracle.quantile_huber(now, atoms)
+    expected = (per_critic.sum(1) if reduction == "sum" else per_critic.mean(1)).mean()
+    assert abs(float(losses["loss_qvalue"]) - expected) <= 1e-12 * max(1.0, expected)
+    size = max(0.3, np.abs(now.mean((1, 2))).mean()) if normalise else 1.0
+    assert abs(float(losses["loss_actor"]) - oracle.actor_loss(now, log_prob, alpha) / size) <= 1e-12
+    assert abs(float(losses["loss_alpha"]) - oracle.alpha_loss(math.log(alpha), log_prob, -7.0)) <= 1e-11
 
 
 def test_it_can_be_called_with_keywords():

@@ -97,6 +97,29 @@ def test_workers_act_with_the_weights_that_were_pushed():
     torch.testing.assert_close(actions, torch.tensor(0.5).tanh().expand_as(actions))
 
 
+def test_running_statistics_and_spectral_vectors_are_pushed_with_the_weights():
+    cfg = train_cfg()
+    network = {"encoder": "residual_ocnn", "norm": "batch", "heads": "advanced", "spectral_norm": "all"}
+    cfg = replace(
+        cfg,
+        network=replace(cfg.network, residual_width=8, **network),
+        algorithm=replace(cfg.algorithm, name="td3"),
+    )
+    torch.manual_seed(0)
+    policy = build_agent(cfg, env_spec(cfg.env)).policy.requires_grad_(False).eval()
+    with Collection(plan(mode="process", deterministic=True), ExploringPolicy(policy, 0.0)) as collection:
+        chunks = iter(collection)
+        next(chunks)
+        for name, buffer in policy.named_buffers():
+            if "running" in name:
+                buffer += 0.5
+            elif name.endswith(".u"):
+                buffer.mul_(0.7)
+        collection.push_weights()
+        chunk = [next(chunks).clone() for _ in range(4)][-1]
+    torch.testing.assert_close(chunk[ACTION], policy(chunk.clone())[ACTION])
+
+
 def test_several_workers_all_deliver_and_none_survives():
     with Collection(plan(mode="process", workers_n=2), RandomActions(5)) as collection:
         workers = list(collection._collector.procs)

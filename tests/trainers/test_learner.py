@@ -95,6 +95,22 @@ def test_the_actors_reinforcement_is_warmed_up(tmp_path):
     assert moved(before, weights(learner, "actor_network"))
 
 
+def test_td3_improves_actor_and_targets_in_every_second_update(tmp_path):
+    cfg = train_cfg()
+    cfg = replace(
+        cfg,
+        imitation=replace(cfg.imitation, weight_initial=0.0, weight_final=0.0),
+        algorithm=replace(cfg.algorithm, name="td3", actor_warmup_updates=0),
+    )
+    learner, sampler = setup(tmp_path, cfg)
+    moves = []
+    for _ in range(4):
+        before = {part: weights(learner, part) for part in ("actor", "target_actor", "target_qvalue", "qvalue")}
+        learner.update(sampler.mixed(), env_steps=0)
+        moves.append([moved(before[part], weights(learner, part)) for part in before])
+    assert moves == [[True] * 4, [False, False, False, True]] * 2
+
+
 def test_gradients_are_clipped(tmp_path):
     cfg = train_cfg()
     cfg = replace(cfg, optimiser=replace(cfg.optimiser, gradient_clip=1e-9))

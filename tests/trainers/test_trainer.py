@@ -72,6 +72,31 @@ def test_an_interrupted_and_resumed_run_equals_an_uninterrupted_one(tmp_path, cr
     assert len(csv[0]) == len(csv[1])
 
 
+@pytest.mark.parametrize("name", ["sac", "td3", "ddpg"])
+def test_every_algorithm_and_every_buffer_resumes_exactly(tmp_path, name):
+    cfg = train_cfg(env_steps=80, evaluate_every=60)
+    network = {"encoder": "residual_ocnn", "norm": "batch", "heads": "advanced", "spectral_norm": "all"}
+    cfg = replace(
+        cfg,
+        network=replace(cfg.network, residual_width=8, **network),
+        algorithm=replace(cfg.algorithm, name=name),
+        replay=replace(cfg.replay, batch_size=4),
+    )
+    whole = trainer(tmp_path / "whole", cfg, evaluate=lambda policy: {"success": 0.5})
+    whole.run()
+    with pytest.raises(Crash):
+        trainer(tmp_path / "parts", cfg, evaluate=crash_at(60, cfg)).run()
+    torch.rand(17)
+    trainer(tmp_path / "parts", cfg, evaluate=lambda policy: {"success": 0.5}).run(resume=True)
+    states = [load_checkpoint(tmp_path / name / "checkpoint.pt") for name in ("whole", "parts")]
+    assert_equal(*states)
+    policies = [load_policy(tmp_path / name / "last")[0] for name in ("whole", "parts")]
+    assert_equal(*(dict(policy.state_dict()) for policy in policies))
+    trained = whole._session.agent.policy.state_dict()
+    assert all(torch.equal(value, trained[key]) for key, value in policies[0].state_dict().items())
+    assert any("running_mean" in key and value.any() for key, value in trained.items())
+
+
 def test_a_run_leaves_its_settings_record_curve_and_policies(tmp_path):
     lines: list[str] = []
     result = trainer(tmp_path / "run", report=lines.append, command="tr-grasp train toy").run()

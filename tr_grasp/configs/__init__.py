@@ -1,19 +1,19 @@
 """Settings: frozen dataclasses, one field for one flag."""
 
+from tr_grasp.configs.agent import AlgorithmCfg, NetworkCfg
 from tr_grasp.configs.env import ActionCfg, CameraCfg, EnvCfg, ObjectsCfg, ObservationCfg, RewardCfg, WorkspaceCfg
 from tr_grasp.configs.train import (
     DemonstrationCfg,
     ImitationCfg,
-    NetworkCfg,
     OptimiserCfg,
     ReplayCfg,
-    TqcCfg,
     TrainCfg,
     TrainerCfg,
 )
 
 __all__ = [
     "ActionCfg",
+    "AlgorithmCfg",
     "CameraCfg",
     "DemonstrationCfg",
     "EnvCfg",
@@ -24,7 +24,6 @@ __all__ = [
     "OptimiserCfg",
     "ReplayCfg",
     "RewardCfg",
-    "TqcCfg",
     "TrainCfg",
     "TrainerCfg",
     "WorkspaceCfg",

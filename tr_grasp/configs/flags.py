@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import inspect
 import io
 import math
 import types
@@ -17,6 +18,14 @@ from tr_grasp.errors import ConfigError, TrGraspError
 
 T = TypeVar("T")
 
+ALIASES = {"algorithm": "algorithm.name", "stack": "env.observation.stack_n"}
+"""Short flags that are no setting's own name."""
+
+SHORT_FLAGS = (
+    "A flag may be as short as the last part of its path where no other setting ends like it (--encoder for "
+    "--network.encoder), --stack is --env.observation.stack-n and --algorithm is --algorithm.name."
+)
+
 
 def parse(
     cfg_class: type[T],
@@ -29,7 +38,8 @@ def parse(
     """Read settings from command-line arguments.
 
     Every field is one flag with its dotted path, hyphens and underscores alike, and takes a value:
-    ``--env.observation.depth 5 --replay.symmetry-augmentation False``.
+    ``--env.observation.depth 5 --replay.symmetry-augmentation False``. The last part of a path is enough where no
+    other path ends like it: ``--depth 5``; so are the names in ``ALIASES``.
 
     Args:
         cfg_class: Dataclass to fill; its docstrings are the ``--help``.
@@ -39,13 +49,17 @@ def parse(
         description: Text shown on top of ``--help``; the class' docstring by default.
 
     Raises:
-        ConfigError: A flag that does not exist, a value that does not fit, or one that is missing.
+        ConfigError: A flag that does not exist or could be several, a value that does not fit, or one that is missing.
         SystemExit: With code 0, after ``--help``.
     """
     import tyro  # not needed to read presets
 
     hints = dict(leaf_types(cfg_class))
+    args = [_lengthen(hints, arg) if arg.startswith("--") else arg for arg in args]
     args = [_spell_booleans(hints, flag, value) for flag, value in _pairs(args)]
+    description = description or inspect.getdoc(cfg_class)
+    if any("." in path for path in hints):
+        description = f"{description}\n\n{SHORT_FLAGS}"
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
@@ -63,6 +77,20 @@ def parse(
         raise ConfigError(_explain(cfg_class, args, stop, complaint.getvalue())) from None
     _refuse_infinite(cfg)
     return cfg
+
+
+def _lengthen(hints: dict[str, Any], flag: str) -> str:
+    """A short flag, maybe with ``=value``, with the path that it stands for; any other as it is."""
+    name, equals, value = flag.partition("=")
+    short = _path(name)
+    if short in hints or "." in short:
+        return flag
+    meant = [path for path in hints if path.rpartition(".")[2] == short]
+    if ALIASES.get(short) in hints:
+        meant = [ALIASES[short]]
+    if len(meant) > 1:
+        raise ConfigError(f"{name}: could be {' or '.join(f'--{path}' for path in meant)}; write one of them out")
+    return f"--{meant[0]}{equals}{value}" if meant else flag
 
 
 def _pairs(args: Sequence[str]) -> Iterator[tuple[str, str]]:

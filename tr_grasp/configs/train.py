@@ -1,98 +1,12 @@
-"""A training run: network, algorithm, replay, demonstrations, trainer."""
+"""A training run: the agent, optimiser, replay, demonstrations, trainer."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Literal
 
+from tr_grasp.configs.agent import AlgorithmCfg, NetworkCfg
 from tr_grasp.configs.env import EnvCfg, _require
-
-
-@dataclass(frozen=True)
-class NetworkCfg:
-    """Encoder and heads."""
-
-    encoder: Literal["localising_ocnn", "vanilla_ocnn"] = "localising_ocnn"
-    """Octree encoder: the fast one that localises, or the thesis' Vanilla O-CNN."""
-
-    shared_stack: bool = True
-    """One encoder for all stacked observations instead of a copy for each (thesis)."""
-
-    node_set: Literal["occupied", "siblings"] = "occupied"
-    """Convolve on non-empty octants only, or on all eight children of a non-empty parent (O-CNN)."""
-
-    features_n: int = 128
-    """Features of the localising encoder (the Vanilla O-CNN has 170 per stacked observation)."""
-
-    actor_hidden_n: tuple[int, ...] = (256, 256)
-    """Hidden widths of the actor."""
-
-    log_std_init: float = -1.5
-    """Log standard deviation of the fresh actor; small, so that noise does not drown what was imitated (thesis: 0)."""
-
-    critic_hidden_n: tuple[int, ...] = (256, 256)
-    """Hidden widths of each critic."""
-
-    critic_layer_norm: bool = True
-    """Normalise the hidden layers of the critics."""
-
-    critic_sees_stages: bool = True
-    """The critics also read the four stage flags, which make the once-paid reward Markov."""
-
-
-@dataclass(frozen=True)
-class TqcCfg:
-    """Truncated Quantile Critics (Kuznetsov et al. 2020, arXiv:2005.04269)."""
-
-    critics_n: int = 2
-    """Number of critics."""
-
-    quantiles_n: int = 25
-    """Quantiles of each critic."""
-
-    drop_per_net: int = 2
-    """Largest target atoms dropped, per critic; they are dropped from the pooled set."""
-
-    gamma: float = 0.95
-    """Discount of a policy step."""
-
-    tau: float = 0.01
-    """Share of the online network that enters the target network at every update."""
-
-    reward_scale: float = 0.0125
-    """Factor on the reward in the learner (the environment always pays the thesis' 400)."""
-
-    alpha_init: float = 0.05
-    """Initial entropy temperature."""
-
-    alpha_min: float = 0.002
-    """Floor of the entropy temperature."""
-
-    target_entropy: float = -4.0
-    """Entropy that the temperature aims at (thesis: -5)."""
-
-    encoder_grad: Literal["critic", "actor", "both"] = "critic"
-    """Which loss trains the encoder; the thesis' code used the actor's."""
-
-    critic_reduction: Literal["sum", "mean"] = "sum"
-    """TorchRL sums the loss over critics; the authors and SB3 take the mean."""
-
-    normalise_actor_loss: bool = True
-    """Divide the actor's loss by the mean absolute value so that imitation keeps its weight."""
-
-    actor_warmup_updates: int = 300
-    """The actor's reinforcement term grows linearly over this many updates (0: at once)."""
-
-    action_noise: float = 0.0
-    """Standard deviation of Gaussian noise on collected actions (thesis: 0.025)."""
-
-    def __post_init__(self) -> None:
-        _require(0 < self.gamma < 1, f"algorithm.gamma must be in (0, 1), got {self.gamma}")
-        _require(0 < self.tau <= 1, f"algorithm.tau must be in (0, 1], got {self.tau}")
-        _require(
-            0 <= self.drop_per_net < self.quantiles_n,
-            f"algorithm.drop_per_net must be 0..{self.quantiles_n - 1}, got {self.drop_per_net}",
-        )
 
 
 @dataclass(frozen=True)
@@ -244,7 +158,7 @@ class TrainCfg:
     network: NetworkCfg = field(default_factory=NetworkCfg)
     """Encoder and heads."""
 
-    algorithm: TqcCfg = field(default_factory=TqcCfg)
+    algorithm: AlgorithmCfg = field(default_factory=AlgorithmCfg)
     """The reinforcement-learning algorithm."""
 
     optimiser: OptimiserCfg = field(default_factory=OptimiserCfg)

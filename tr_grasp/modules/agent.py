@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
+import torch
 from tensordict.nn import TensorDictModule, TensorDictSequential
 from torch import Tensor, nn
 from torchrl.envs.utils import ExplorationType
 from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
 
-from tr_grasp.configs import TrainCfg
+from tr_grasp.configs import NetworkCfg, TrainCfg
 from tr_grasp.keys import ACTION, ACTOR_FEATURES, CRITIC_FEATURES, OCTREE, PROPRIO, STAGES
-from tr_grasp.modules.encoders import build_encoder
-from tr_grasp.modules.heads import GaussianActor, QuantileCritic
-from tr_grasp.modules.losses import EncodedTQCLoss
+from tr_grasp.modules.encoders import build_encoder, encoder_options
+from tr_grasp.modules.heads import (
+    DenseResidualMLP,
+    DeterministicActor,
+    DuelingQuantileCritic,
+    GaussianActor,
+    OutputScale,
+    QuantileCritic,
+    normalise_kernels,
+)
+from tr_grasp.modules.heads.mlp import MakeNet
 from tr_grasp.octree import OctreeFrame, OctreeSpec
 
 
@@ -43,14 +53,14 @@ class Agent(nn.Module):
     Attributes:
         encoder: TensorDict module, ``octree`` and ``proprio`` to ``actor_features``.
         actor: TensorDict module, ``actor_features`` to ``action``; deterministic (tanh of the mean) unless TorchRL's
-            exploration type says otherwise.
-        critics: TensorDict modules, ``critic_features``, maybe ``stages``, and ``action`` to quantiles.
+            exploration type says otherwise, and always so for algorithms without a random policy.
+        critics: TensorDict modules, ``critic_features``, maybe ``stages``, and ``action`` to quantiles or one value.
         policy: Encoder, then actor.
         env_spec: The sizes of the environments that it fits.
     """
 
     def __init__(
-        self, env_spec: EnvSpec, encoder: TensorDictModule, actor: ProbabilisticActor, critics: list[ValueOperator]
+        self, env_spec: EnvSpec, encoder: TensorDictModule, actor: TensorDictSequential, critics: list[ValueOperator]
     ) -> None:
         super().__init__()
         self.env_spec = env_spec
@@ -62,6 +72,15 @@ class Agent(nn.Module):
         self.__dict__["policy"] = TensorDictSequential(encoder, actor).select_out_keys(ACTION)
 
     policy: TensorDictSequential
+
+    @property
+    def features_n(self) -> int:
+        """Features of an observation."""
+        return self.encoder.module.encoder.features_n
+
+    def mean_before_tanh(self, features: Tensor) -> Tensor:
+        """``(*batch, features_n)`` to what the deterministic action is the tanh of, ``(*batch, action_n)``."""
+        return self.actor.module[0].module.mean(features)
 
 
 class Perception(nn.Module):
@@ -82,60 +101,76 @@ def build_agent(cfg: TrainCfg, env_spec: EnvSpec) -> Agent:
     """Networks with fresh weights from torch's global generator.
 
     Raises:
-        ConfigError: An encoder that does not exist or does not fit the octrees.
+        ConfigError: An encoder that does not exist, lacks an option that is asked for, or does not fit the octrees.
     """
-    net = cfg.network
+    encoder = _build_encoder(cfg.network, env_spec)
+    features_n = encoder.features_n
+    actor = _build_actor(cfg, features_n, env_spec.action_n)
+    critics = [_build_critic(cfg, features_n, env_spec) for _ in range(cfg.algorithm.critic_count)]
+    perception = TensorDictModule(Perception(encoder), in_keys=[OCTREE, PROPRIO], out_keys=[ACTOR_FEATURES])
+    return Agent(env_spec, perception, actor, critics)
+
+
+def _build_encoder(net: NetworkCfg, env_spec: EnvSpec) -> nn.Module:
+    # A size that not every encoder can choose. Options that change what a network is are refused where they are none.
+    size = {"features_n": net.features_n} if "features_n" in encoder_options(net.encoder) else {}
     encoder = build_encoder(
         net.encoder,
         in_channels=env_spec.octree.channels,
         stack_n=env_spec.stack_n,
         shared_stack=net.shared_stack,
-        node_set=net.node_set,
         spec=env_spec.octree,
-        features_n=net.features_n,
+        node_set=net.node_set,
+        num_blocks=net.num_blocks,
+        norm=net.norm,
+        **size,
     )
-    features_n = encoder.features_n
-    actor = GaussianActor(features_n, env_spec.action_n, net.actor_hidden_n, net.log_std_init)
-    critics = [
-        QuantileCritic(
-            features_n,
-            env_spec.action_n,
-            cfg.algorithm.quantiles_n,
-            stages_n=env_spec.stages_n if net.critic_sees_stages else 0,
-            hidden_n=net.critic_hidden_n,
-            layer_norm=net.critic_layer_norm,
+    if net.spectral_norm == "all":
+        normalise_kernels(encoder)
+    return encoder
+
+
+def _build_actor(cfg: TrainCfg, features_n: int, action_n: int) -> TensorDictSequential:
+    net = cfg.network
+    make_net = _dense_residual(net, net.spectral_norm in ("actor_critic", "all"))
+    if not cfg.algorithm.is_stochastic:
+        head = DeterministicActor(features_n, action_n, net.actor_hidden_n, make_net=make_net)
+        return TensorDictSequential(
+            TensorDictModule(head, in_keys=[ACTOR_FEATURES], out_keys=["loc"]),
+            TensorDictModule(torch.tanh, in_keys=["loc"], out_keys=[ACTION]),
         )
-        for _ in range(cfg.algorithm.critics_n)
-    ]
+    head = GaussianActor(features_n, action_n, net.actor_hidden_n, net.log_std_init, make_net=make_net)
+    return ProbabilisticActor(
+        TensorDictModule(head, in_keys=[ACTOR_FEATURES], out_keys=["loc", "scale"]),
+        in_keys=["loc", "scale"],
+        out_keys=[ACTION],
+        distribution_class=TanhNormal,
+        default_interaction_type=ExplorationType.DETERMINISTIC,
+    )
+
+
+def _build_critic(cfg: TrainCfg, features_n: int, env_spec: EnvSpec) -> ValueOperator:
+    net = cfg.network
+    is_scaled = net.learn_output_scale or net.output_scale != 1
+    make_critic = DuelingQuantileCritic if net.heads in ("dueling", "advanced") else QuantileCritic
+    critic = make_critic(
+        features_n,
+        env_spec.action_n,
+        cfg.algorithm.critic_outputs,
+        stages_n=env_spec.stages_n if net.critic_sees_stages else 0,
+        hidden_n=net.critic_hidden_n,
+        layer_norm=net.critic_layer_norm,
+        make_net=_dense_residual(net, net.spectral_norm != "none"),
+        scale=OutputScale(net.output_scale, net.learn_output_scale) if is_scaled else None,
+    )
     seen = [CRITIC_FEATURES, *([STAGES] if net.critic_sees_stages else []), ACTION]
-    return Agent(
-        env_spec,
-        TensorDictModule(Perception(encoder), in_keys=[OCTREE, PROPRIO], out_keys=[ACTOR_FEATURES]),
-        ProbabilisticActor(
-            TensorDictModule(actor, in_keys=[ACTOR_FEATURES], out_keys=["loc", "scale"]),
-            in_keys=["loc", "scale"],
-            out_keys=[ACTION],
-            distribution_class=TanhNormal,
-            default_interaction_type=ExplorationType.DETERMINISTIC,
-        ),
-        [ValueOperator(critic, in_keys=seen, out_keys=["state_action_value"]) for critic in critics],
-    )
+    return ValueOperator(critic, in_keys=seen, out_keys=["state_action_value"])
 
 
-def build_loss(cfg: TrainCfg, agent: Agent) -> EncodedTQCLoss:
-    """The reinforcement losses of an agent; encoder and actor stay the agent's own parameters."""
-    algorithm = cfg.algorithm
-    loss = EncodedTQCLoss(
-        agent.encoder,
-        agent.actor,
-        list(agent.critics),
-        encoder_grad=algorithm.encoder_grad,
-        critic_reduction=algorithm.critic_reduction,
-        normalise_actor_loss=algorithm.normalise_actor_loss,
-        top_quantiles_to_drop_per_net=algorithm.drop_per_net,
-        alpha_init=algorithm.alpha_init,
-        min_alpha=algorithm.alpha_min,
-        target_entropy=algorithm.target_entropy,
+def _dense_residual(net: NetworkCfg, spectral_norm: bool) -> MakeNet | None:
+    """What replaces a head's MLP, if anything does."""
+    if net.heads not in ("dense_residual", "advanced"):
+        return None
+    return partial(
+        DenseResidualMLP, width=net.residual_width, blocks_n=net.residual_blocks_n, spectral_norm=spectral_norm
     )
-    loss.make_value_estimator(gamma=algorithm.gamma)
-    return loss

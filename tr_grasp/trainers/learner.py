@@ -9,13 +9,12 @@ from typing import Any
 import torch
 from tensordict import TensorDict
 from torch import Tensor
-from torchrl.objectives import SoftUpdate
 
 from tr_grasp.configs import TrainCfg
 from tr_grasp.errors import TrainingDivergedError
 from tr_grasp.files import write_atomically
 from tr_grasp.keys import ACTOR_FEATURES, EXPERT_ACTION, EXPERT_TARGET
-from tr_grasp.modules import Agent, build_loss, imitation_loss
+from tr_grasp.modules import Agent, TargetUpdate, build_loss, imitation_loss
 from tr_grasp.modules.imitation import TARGET_N, localisation_loss
 from tr_grasp.trainers.batches import IMITATION_WEIGHT
 from tr_grasp.trainers.schedules import imitation_weight, learning_rate, warmup
@@ -38,10 +37,9 @@ class Learner:
         self._cfg = cfg
         self._folder = folder
         self._loss = build_loss(cfg, agent).to(cfg.trainer.device)
-        self._targets = SoftUpdate(self._loss, tau=cfg.algorithm.tau)
-        features_n = agent.encoder.module.encoder.features_n
+        self._targets = TargetUpdate(self._loss, tau=cfg.algorithm.tau)
         # Only learning needs it, so it is no part of the agent.
-        self._locator = torch.nn.Linear(features_n, TARGET_N).to(cfg.trainer.device)
+        self._locator = torch.nn.Linear(agent.features_n, TARGET_N).to(cfg.trainer.device)
         networks = [p for name, p in self._loss.named_parameters() if name != "log_alpha"]
         self._networks = [*networks, *self._locator.parameters()]
         self._optimiser = torch.optim.Adam(
@@ -61,7 +59,7 @@ class Learner:
 
     def synchronise_targets(self) -> None:
         """Make the target networks equal to the online ones."""
-        self._targets = SoftUpdate(self._loss, tau=self._cfg.algorithm.tau)
+        self._targets = TargetUpdate(self._loss, tau=self._cfg.algorithm.tau)
 
     def update(self, batch: TensorDict, env_steps: int) -> dict[str, Tensor]:
         """One update with all losses that the settings ask for.
@@ -85,13 +83,17 @@ class Learner:
         if weight > 0:
             losses |= self._imitation(batch, features)
             total = total + self._weighted(losses, weight)
+        actors_turn = self.updates % cfg.algorithm.actor_period == 0
         if cfg.imitation.reinforcement:
             losses |= dict(self._loss(batch.set(ACTOR_FEATURES, features)).items())
-            actor_share = warmup(self.updates, cfg.algorithm.actor_warmup_updates)
-            total = total + losses["loss_qvalue"] + actor_share * losses["loss_actor"] + losses["loss_alpha"]
+            total = total + losses["loss_qvalue"] + losses.get("loss_alpha", 0.0)
+            # Left out, not multiplied by zero, or Adam's momentum would move the actor all the same.
+            if actors_turn and (share := warmup(self.updates, cfg.algorithm.actor_warmup_updates)) > 0:
+                total = total + share * losses["loss_actor"]
         rate = learning_rate(cfg.optimiser, env_steps / max(1, cfg.trainer.env_steps))
         norm = self._step(batch, losses, total, rate)
-        self._targets.step()
+        if actors_turn:
+            self._targets.step()
         self.updates += 1
         settings = {"learning_rate": torch.tensor(rate), "imitation_weight": torch.tensor(weight)}
         return {name: value.detach() for name, value in losses.items()} | settings | {"gradient_norm": norm}
@@ -113,7 +115,7 @@ class Learner:
         self.updates = state["updates"]
 
     def _imitation(self, batch: TensorDict, features: Tensor) -> dict[str, Tensor]:
-        mean = self.agent.actor.module[0].module(features)[0]
+        mean = self.agent.mean_before_tanh(features)
         weight = batch[IMITATION_WEIGHT]
         return {
             "loss_imitation": imitation_loss(mean, batch[EXPERT_ACTION], weight),

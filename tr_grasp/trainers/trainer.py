@@ -196,7 +196,7 @@ class Trainer:
         if is_random:
             return Collection(plan, RandomActions(self._action_n))
         self._push()
-        acting = ExploringPolicy(self._policy, self._cfg.algorithm.action_noise, cfg.deterministic_share)
+        acting = ExploringPolicy(self._policy, self._cfg.algorithm.exploration_noise, cfg.deterministic_share)
         return Collection(plan, acting)
 
     def _plan(self, *, labels: bool, workers_n: int | None = None, **changes: Any) -> CollectPlan:

@@ -1,0 +1,43 @@
+"""Target networks that follow the online ones."""
+
+from __future__ import annotations
+
+from torch.nn.modules.batchnorm import _BatchNorm
+from torchrl.objectives import SoftUpdate
+
+from tr_grasp.modules.encoders.norm import copy_statistics
+from tr_grasp.modules.losses.shared_encoder import SharedEncoderLoss
+
+
+class TargetUpdate(SoftUpdate):
+    """TorchRL's soft update of the parameters, and the encoder's running statistics as they are.
+
+    ``SoftUpdate`` moves parameters alone, so a target encoder with batch normalisation would normalise by mean 0 and
+    variance 1 for ever. The vectors of spectral normalisation are no business of this: they belong to the weights, and
+    those of the target networks follow the targets' own weights with each pass.
+
+    Args:
+        loss: Its target networks are made equal to the online ones, buffers included.
+        tau: Share of the online parameters that enters the target parameters at each step.
+    """
+
+    def __init__(self, loss: SharedEncoderLoss, tau: float) -> None:
+        super().__init__(loss, tau=tau)
+        keys = _statistics(loss)
+        self._online = loss.encoder_network_params.select(*keys)
+        self._target = loss.target_encoder_network_params.select(*keys)
+
+    def step(self) -> None:
+        """Move the targets."""
+        super().step()
+        copy_statistics(self._online, self._target)
+
+
+def _statistics(loss: SharedEncoderLoss) -> list[tuple[str, ...]]:
+    """Names of the buffers of the encoder's batch normalisations."""
+    return [
+        (*name.split("."), buffer)
+        for name, layer in loss.encoder_network.named_modules()
+        if isinstance(layer, _BatchNorm)
+        for buffer, _ in layer.named_buffers(recurse=False)
+    ]
