@@ -24,13 +24,13 @@ def test_every_algorithm_is_one_flag_on_top_of_our_presets(preset: str, name: st
     assert cfg.critic_count == (1 if name == "ddpg" else 2)
     assert cfg.critic_outputs == (cfg.quantiles_n if name == "tqc" else 1)
     assert cfg.actor_period == (2 if name == "td3" else 1)
-    assert cfg.exploration_noise > 0 or cfg.is_stochastic
+    assert cfg.action_noise > 0 or cfg.is_stochastic
 
 
 def test_what_is_given_replaces_what_the_algorithm_chooses() -> None:
     line = "--algorithm td3 --critics-n 3 --actor-every-n 4 --action-noise 0.3"
     cfg = parse(TrainCfg, line.split(), TrainCfg()).algorithm
-    assert (cfg.critic_count, cfg.actor_period, cfg.exploration_noise) == (3, 4, 0.3)
+    assert (cfg.critic_count, cfg.actor_period, cfg.action_noise) == (3, 4, 0.3)
     assert parse(TrainCfg, ["--drop-per-net", "0"], TrainCfg()).algorithm.dropped_quantiles == 0
 
 

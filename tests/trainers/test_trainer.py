@@ -92,7 +92,7 @@ def test_every_algorithm_and_every_buffer_resumes_exactly(tmp_path, name):
     assert_equal(*states)
     policies = [load_policy(tmp_path / name / "last")[0] for name in ("whole", "parts")]
     assert_equal(*(dict(policy.state_dict()) for policy in policies))
-    trained = whole._session.agent.policy.state_dict()
+    trained = whole._session.learner.average.policy.state_dict()
     assert all(torch.equal(value, trained[key]) for key, value in policies[0].state_dict().items())
     assert any("running_mean" in key and value.any() for key, value in trained.items())
 
@@ -127,7 +127,7 @@ def test_the_best_policy_is_kept_while_the_last_one_goes_on(tmp_path):
     assert any(not torch.equal(a, b) for a, b in pairs)
 
 
-def test_the_evaluated_policy_has_the_learners_weights(tmp_path):
+def test_the_evaluated_policy_has_the_learners_averaged_weights(tmp_path):
     seen = []
 
     def evaluate(policy):
@@ -136,7 +136,8 @@ def test_the_evaluated_policy_has_the_learners_weights(tmp_path):
 
     run = trainer(tmp_path / "run", evaluate=evaluate)
     run.run()
-    assert all(torch.equal(a, b) for a, b in zip(seen[-1], run._session.agent.policy.parameters(), strict=True))
+    average = run._session.learner.average.policy.parameters()
+    assert all(torch.equal(a, b) for a, b in zip(seen[-1], average, strict=True))
 
 
 def test_ctrl_c_ends_the_run_with_a_checkpoint_that_can_be_resumed(tmp_path):

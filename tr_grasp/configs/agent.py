@@ -40,7 +40,7 @@ class NetworkCfg:
     actor_hidden_n: tuple[int, ...] = (256, 256)
     """Hidden widths of the actor's MLP."""
 
-    log_std_init: float = -1.5
+    log_std_init: float = -3.0
     """Log standard deviation of the fresh actor; small, so that noise does not drown what was imitated (thesis: 0)."""
 
     critic_hidden_n: tuple[int, ...] = (256, 256)
@@ -108,14 +108,15 @@ class AlgorithmCfg:
     reward_scale: float = 0.0125
     """Factor on the reward in the learner (the environment always pays the thesis' 400)."""
 
-    alpha_init: float = 0.05
+    alpha_init: float = 0.002
     """Initial entropy temperature (tqc, sac)."""
 
-    alpha_min: float = 0.002
+    alpha_min: float = 0.0001
     """Floor of the entropy temperature (tqc, sac)."""
 
-    target_entropy: float = -4.0
-    """Entropy that the temperature aims at (tqc, sac; thesis: -5)."""
+    target_entropy: float = -12.0
+    """Entropy that the temperature aims at (tqc, sac; thesis: -5). Low, so that the critics judge what the policy does
+    without noise: one that relies on its noise to close the gripper hovers when it acts deterministically."""
 
     encoder_grad: Literal["critic", "actor", "both"] = "critic"
     """Which loss trains the encoder; the thesis' code used the actor's."""
@@ -126,14 +127,14 @@ class AlgorithmCfg:
     normalise_actor_loss: bool = True
     """Divide the actor's loss by the mean absolute value so that imitation keeps its weight."""
 
-    actor_warmup_updates: int = 300
+    actor_warmup_updates: int = 1_000
     """The actor's reinforcement term grows linearly over this many updates (0: at once)."""
 
     actor_every_n: int | None = None
     """Updates from one reinforcement of actor and target networks to the next (None: 2 for td3, else 1)."""
 
-    action_noise: float | None = None
-    """Standard deviation of Gaussian noise on collected actions (None: 0, and 0.1 for td3 and ddpg; thesis: 0.025)."""
+    action_noise: float = 0.1
+    """Standard deviation of Gaussian noise on collected actions (thesis: 0.025)."""
 
     target_noise: float = 0.2
     """Standard deviation of the noise on the target policy's action, clipped at 0.5 (td3)."""
@@ -151,9 +152,9 @@ class AlgorithmCfg:
             "choose algorithm.critics_n 1, or algorithm.name td3, which is ddpg with more",
         )
         _require(
-            self.is_stochastic or self.exploration_noise > 0,
+            self.is_stochastic or self.action_noise > 0,
             f"algorithm.action_noise is {self.action_noise}, and the policy of {self.name} explores by it alone; "
-            "choose a positive one, or None for 0.1",
+            "choose a positive one, such as 0.1",
         )
 
     def _check_numbers(self) -> None:
@@ -161,7 +162,7 @@ class AlgorithmCfg:
         _require(0 < self.tau <= 1, f"algorithm.tau must be in (0, 1], got {self.tau}")
         _require(self.critic_count >= 1, f"algorithm.critics_n must be at least 1, got {self.critics_n}")
         _require(self.actor_period >= 1, f"algorithm.actor_every_n must be at least 1, got {self.actor_every_n}")
-        _require(self.exploration_noise >= 0, f"algorithm.action_noise must not be negative, got {self.action_noise}")
+        _require(self.action_noise >= 0, f"algorithm.action_noise must not be negative, got {self.action_noise}")
         _require(self.target_noise >= 0, f"algorithm.target_noise must not be negative, got {self.target_noise}")
         _require(
             0 <= self.dropped_quantiles < self.quantiles_n or self.name != "tqc",
@@ -194,9 +195,3 @@ class AlgorithmCfg:
         """``actor_every_n``, or the algorithm's own."""
         own = 2 if self.name == "td3" else 1
         return own if self.actor_every_n is None else self.actor_every_n
-
-    @property
-    def exploration_noise(self) -> float:
-        """``action_noise``, or the algorithm's own."""
-        own = 0.0 if self.is_stochastic else 0.1
-        return own if self.action_noise is None else self.action_noise

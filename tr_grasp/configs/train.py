@@ -16,7 +16,7 @@ class OptimiserCfg:
     learning_rate: float = 7e-4
     """Initial learning rate."""
 
-    decay_start: float = 0.6
+    decay_start: float = 0.5
     """Share of the run after which the rate falls linearly (0: from the beginning, thesis)."""
 
     final_fraction: float = 0.1
@@ -24,6 +24,13 @@ class OptimiserCfg:
 
     gradient_clip: float = 10.0
     """Largest gradient norm (0: no clipping)."""
+
+    averaging: float = 0.998
+    """The policy that is judged and saved is a running mean of the weights, which keeps this share of itself at every
+    update (0: the latest weights, thesis)."""
+
+    def __post_init__(self) -> None:
+        _require(0 <= self.averaging < 1, f"optimiser.averaging must be in [0, 1), got {self.averaging}")
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,7 @@ class ImitationCfg:
     weight_final: float = 1.0
     """Weight after ``decay_env_steps``."""
 
-    decay_env_steps: int = 12_000
+    decay_env_steps: int = 10_000
     """Environment steps over which the weight changes linearly."""
 
     localisation_weight: float = 1.0
@@ -99,7 +106,7 @@ class TrainerCfg:
     deterministic_share: float = 0.5
     """Share of collected episodes that act without exploring: they meet the states where the policy gets stuck."""
 
-    updates_per_step: float = 0.33
+    updates_per_step: float = 0.5
     """Gradient steps per environment step."""
 
     learning_starts: int = 200
@@ -123,7 +130,7 @@ class TrainerCfg:
     evaluate_every: int = 2_500
     """Environment steps between evaluations (0: never)."""
 
-    evaluate_episodes: int = 40
+    evaluate_episodes: int = 100
     """Deterministic episodes of an evaluation, on validation seeds of the training objects."""
 
     checkpoint_every: int = 2_500

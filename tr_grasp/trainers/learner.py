@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from tensordict import TensorDict
 from torch import Tensor
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from tr_grasp.configs import TrainCfg
 from tr_grasp.errors import TrainingDivergedError
@@ -34,6 +35,7 @@ class Learner:
     def __init__(self, agent: Agent, cfg: TrainCfg, folder: Path) -> None:
         self.agent = agent
         self.updates = 0
+        self._average = AveragedModel(agent, multi_avg_fn=get_ema_multi_avg_fn(cfg.optimiser.averaging))
         self._cfg = cfg
         self._folder = folder
         self._loss = build_loss(cfg, agent).to(cfg.trainer.device)
@@ -45,6 +47,11 @@ class Learner:
         self._optimiser = torch.optim.Adam(
             [*self._loss.parameters(), *self._locator.parameters()], lr=cfg.optimiser.learning_rate, fused=True
         )
+
+    @property
+    def average(self) -> Agent:
+        """The agent with the running mean of its weights, which is judged and saved: it lacks the last steps' noise."""
+        return self._average.module
 
     def pretrain(self, batch: TensorDict) -> dict[str, Tensor]:
         """One update with the imitation loss alone. Target networks follow without delay, they are not in use yet.
@@ -104,6 +111,7 @@ class Learner:
             "loss": dict(self._loss.state_dict()),
             "locator": self._locator.state_dict(),
             "optimiser": self._optimiser.state_dict(),
+            "average": self._average.state_dict(),
             "updates": self.updates,
         }
 
@@ -112,6 +120,7 @@ class Learner:
         self._loss.load_state_dict(state["loss"])
         self._locator.load_state_dict(state["locator"])
         self._optimiser.load_state_dict(state["optimiser"])
+        self._average.load_state_dict(state["average"])
         self.updates = state["updates"]
 
     def _imitation(self, batch: TensorDict, features: Tensor) -> dict[str, Tensor]:
@@ -137,6 +146,7 @@ class Learner:
         if not torch.isfinite(total) or not torch.isfinite(norm):
             self._report_divergence(batch, losses, norm)
         self._optimiser.step()
+        self._average.update_parameters(self.agent)
         return norm.detach()
 
     def _report_divergence(self, batch: TensorDict, losses: Mapping[str, Tensor], norm: Tensor) -> None:
