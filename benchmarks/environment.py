@@ -18,7 +18,6 @@ from tr_grasp import keys
 from tr_grasp.configs import CameraCfg, EnvCfg, ObjectsCfg, ObservationCfg
 from tr_grasp.doctor import probe_vulkan
 from tr_grasp.envs import make_env
-from tr_grasp.sensing import PinholeCamera
 
 STEPS = 300
 
@@ -55,13 +54,11 @@ def stock_step_times() -> Iterator[float]:
 
 def camera_times(backend: str, size_px: int) -> Iterator[float]:
     """Milliseconds of a picture of four objects."""
-    env = make_env(EnvCfg(camera=CameraCfg(backend=backend), objects=ObjectsCfg(count_range=(4, 4))), seed=0)
+    camera = CameraCfg(backend=backend, image_size_px=size_px)
+    env = make_env(EnvCfg(camera=camera, objects=ObjectsCfg(count_range=(4, 4))), seed=0)
     env.reset()
-    cfg = env.task.cfg.camera
-    camera = PinholeCamera.looking_at(cfg.eye_m, cfg.target_m, cfg.fov_rad, size_px)
-    env.task._sapien_camera = None
     for _ in range(60):
-        yield timed(lambda: env.task.capture(camera))
+        yield timed(env.task.view.capture)
     env.close()
 
 

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from tr_grasp.configs import ActionCfg
 from tr_grasp.envs.expert import CLOSE, OPEN, ToolState, choose_grasp, expert_action, target_from_tool
-from tr_grasp.grasps import TopDownGrasps
+from tr_grasp.grasps import Grasp, TopDownGrasps
 
 ACTION = ActionCfg()
 TARGET = np.array([0.5, 0.0, 0.03])
@@ -14,11 +14,11 @@ def tool(position, yaw=0.0, closing=False, opening=0.08) -> ToolState:
     return ToolState(np.array(position, float), yaw, closing, False, opening)
 
 
-def fly(position, yaw, target_yaw, width=0.05, steps=40):
+def fly(position, yaw, target_yaw, width=0.05, depth=0.03, steps=40):
     """Follow the expert with perfect motion; the poses on the way and the last action."""
     position, path = np.array(position, float), []
     for _ in range(steps):
-        action = expert_action(tool(position, yaw), TARGET, target_yaw, width, ACTION)
+        action = expert_action(tool(position, yaw), Grasp(TARGET, target_yaw, width, depth), ACTION)
         path.append((position.copy(), yaw))
         if action[4] == CLOSE:
             return path, action
@@ -49,31 +49,41 @@ def test_the_tool_comes_down_only_where_it_is_above_the_grasp(x, y):
         assert position[2] >= TARGET[2] + min(0.08, 1.6 * (sideways - 0.012)) - 1e-6
 
 
+def test_over_a_thin_object_the_tool_comes_lower_before_it_closes():
+    above = tool(TARGET + np.array([0, 0, 0.006]))
+    thin, thick = (expert_action(above, Grasp(TARGET, 0.0, 0.011, depth), ACTION) for depth in (0.008, 0.03))
+    assert thin[4] == OPEN
+    assert thin[2] < 0
+    assert thick[4] == CLOSE
+
+
 def test_a_gripper_that_closed_on_nothing_opens_and_rises():
-    action = expert_action(tool(TARGET, closing=True, opening=0.0), TARGET, 0.0, 0.05, ACTION)
+    action = expert_action(tool(TARGET, closing=True, opening=0.0), Grasp(TARGET, 0.0, 0.05, 0.03), ACTION)
     assert action[4] == OPEN
     assert action[2] > 0
 
 
 def test_the_nearer_of_two_equal_grasps_is_chosen():
-    two = TopDownGrasps(
-        np.array([[0.4, 0, 0.03], [0.6, 0, 0.03]]), np.zeros(2), np.full(2, 0.04), np.ones(2), np.arange(2)
-    )
+    two = TopDownGrasps(np.array([[0.4, 0, 0.03], [0.6, 0, 0.03]]), *np.full((3, 2), 0.04), np.ones(2), np.arange(2))
     assert choose_grasp(two, tool([0.45, 0, 0.2])) == 0
     assert choose_grasp(two, tool([0.55, 0, 0.2])) == 1
 
 
 def test_without_a_grasp_there_is_no_choice():
-    none = TopDownGrasps(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, int))
+    none = TopDownGrasps(np.zeros((0, 3)), *np.zeros((4, 0)), np.zeros(0, int))
     assert choose_grasp(none, tool([0.5, 0, 0.2])) is None
 
 
 def test_the_target_says_where_the_grasp_is_and_how_far_to_turn():
-    target = target_from_tool(tool([0.5, 0.0, 0.2], yaw=0.1), np.array([0.52, -0.01, 0.05]), 0.1 + np.pi / 4)
+    target = target_from_tool(
+        tool([0.5, 0.0, 0.2], yaw=0.1), Grasp(np.array([0.52, -0.01, 0.05]), 0.1 + np.pi / 4, 0.05, 0.03)
+    )
     np.testing.assert_allclose(target, [0.02, -0.01, -0.15, 0.0, 1.0, 1.0], atol=1e-6)
 
 
 @given(yaw=st.floats(-3, 3), goal=st.floats(0, 3.1))
 def test_half_a_turn_of_the_gripper_changes_no_target(yaw, goal):
-    near, far = (target_from_tool(tool([0.5, 0, 0.2], yaw=y), TARGET, goal) for y in (yaw, yaw + np.pi))
+    near, far = (
+        target_from_tool(tool([0.5, 0, 0.2], yaw=y), Grasp(TARGET, goal, 0.05, 0.03)) for y in (yaw, yaw + np.pi)
+    )
     np.testing.assert_allclose(near, far, atol=1e-5)

@@ -10,9 +10,11 @@ from torchrl.envs.utils import RandomPolicy
 from tr_grasp import keys
 from tr_grasp.configs import ActionCfg, EnvCfg, ObjectsCfg, ObservationCfg, WorkspaceCfg
 from tr_grasp.envs import Outcome, env_spec, make_env
+from tr_grasp.envs.sensor import OctreeSensor, task_camera
 from tr_grasp.envs.torchrl_env import episode_seed
 from tr_grasp.errors import ConfigError
 from tr_grasp.octree import OctreeFrame
+from tr_grasp.sensing import RaycastCamera
 
 pytestmark = pytest.mark.sim
 ONE = ObjectsCfg(count_range=(1, 1))
@@ -173,9 +175,20 @@ def test_both_cameras_see_the_same_depth():
 
     env = make_env(EnvCfg(camera=CameraCfg(backend="sapien", image_size_px=96)), seed=2)
     env.reset()
-    camera = env.task._sensor._camera
-    rendered, cast = env.task.capture(camera), env.task.raycast.capture(camera, env.task.body_poses())
+    view = env.task.view
+    rendered, cast = view.capture(), RaycastCamera(view.raycast, task_camera(env.task.cfg)).capture(view.poses())
     difference = np.abs(rendered.depth - cast.depth)
     assert np.quantile(difference[np.isfinite(difference)], 0.99) < 0.0015
     assert replace(rendered, depth=cast.depth).colour.shape == cast.colour.shape
     env.close()
+
+
+def test_what_is_cast_where_it_matters_gives_the_octree_of_the_whole_picture(env):
+    env.set_seed(9)
+    env.reset()
+    view, cfg = env.task.view, env.task.cfg
+    whole = RaycastCamera(view.raycast, task_camera(cfg))
+    everywhere = OctreeSensor(cfg, lambda: whole.capture(view.poses())).observe(np.random.default_rng(0))
+    quick = OctreeSensor(cfg, view.capture).observe(np.random.default_rng(0))
+    assert torch.equal(everywhere.codes, quick.codes)
+    assert torch.equal(everywhere.features, quick.features)

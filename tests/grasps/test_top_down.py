@@ -67,6 +67,18 @@ def test_a_wall_beside_a_block_turns_the_grasp_or_lifts_it():
     assert not (of_block & across & deep & (np.abs(walled.width_m - 0.04) < 0.01)).any()
 
 
+def test_no_grasp_lies_outside_the_tools_reach():
+    blocks = scene((-0.06, 0, 0.04, 0.04, 0.05, 0), (0.06, 0, 0.04, 0.04, 0.05, 0))
+    grasps = top_down_grasps(*blocks, within_m=((-0.1, -0.1), (0.0, 0.1)))
+    np.testing.assert_array_equal(np.unique(grasps.owner), [0])
+    assert (grasps.position[:, 0] <= 0).all()
+
+
+def test_the_depth_is_from_the_top_to_the_fingertips():
+    flat = top_down_grasps(*scene((0, 0, 0.06, 0.04, 0.02, 0)))
+    np.testing.assert_allclose(flat.depth_m[0], 0.02 - (flat.position[0, 2] - GripperShape().tip_below_tcp_m))
+
+
 def test_grasps_come_best_first_and_name_their_object():
     grasps = top_down_grasps(*scene((-0.06, 0, 0.04, 0.04, 0.05, 0), (0.06, 0, 0.04, 0.04, 0.05, 0)))
     assert (np.diff(grasps.score) <= 0).all()

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from tr_grasp.configs import ActionCfg
 from tr_grasp.geometry import wrap_half_turn
-from tr_grasp.grasps import TopDownGrasps
+from tr_grasp.grasps import Grasp, TopDownGrasps
 
 Array = NDArray[np.floating]
 OPEN, CLOSE = 1.0, -1.0
 GRIPPER_OPENING_M = 0.08
+LIFT = 0.5
 
 
 @dataclass(frozen=True)
@@ -47,22 +48,22 @@ def choose_grasp(grasps: TopDownGrasps, tool: ToolState) -> int | None:
     return int(np.argmax(grasps.score - distance / 0.15 - 0.25 * turn))
 
 
-def expert_action(
-    tool: ToolState, position: Array, yaw_rad: float, width_m: float, action: ActionCfg
-) -> NDArray[np.float32]:
-    """(5,) action towards a grasp at ``position`` (3,) [m] with closing direction ``yaw_rad``.
+def expert_action(tool: ToolState, grasp: Grasp, action: ActionCfg) -> NDArray[np.float32]:
+    """(5,) action towards a grasp.
 
     It is a continuous function of the state, so that it can be imitated: a funnel of heights opens over the grasp and
     the tool may only be as low as its sideways error allows. Labels tolerate errors that one camera cannot show;
     stricter ones teach the imitator to hesitate.
     """
-    offset = position - tool.position
-    turn = float(wrap_half_turn(yaw_rad - tool.closing_yaw_rad))
+    offset = grasp.position - tool.position
+    turn = float(wrap_half_turn(grasp.yaw_rad - tool.closing_yaw_rad))
     sideways = float(np.hypot(offset[0], offset[1]))
     if tool.closing and tool.opening_m < 0.004:
         return _pack(np.array([0.0, 0.0, 1.0]), 0.0, OPEN)
-    tolerance = float(np.clip((GRIPPER_OPENING_M - width_m) / 2 - 0.002, 0.005, 0.012))
-    if sideways < tolerance and abs(turn) < 0.35 and offset[2] > -0.010:
+    tolerance = float(np.clip((GRIPPER_OPENING_M - grasp.width_m) / 2 - 0.002, 0.005, 0.012))
+    # A few millimetres above a pen the fingers would close over it.
+    too_high = float(np.clip(0.4 * grasp.depth_m, 0.003, 0.010))
+    if sideways < tolerance and abs(turn) < 0.35 and offset[2] > -too_high:
         return _pack(np.zeros(3), 0.0, CLOSE)
     hover = np.clip(1.6 * max(0.0, sideways - tolerance) + 0.08 * max(0.0, abs(turn) - 0.25), 0.0, 0.08)
     climb = offset[2] + hover
@@ -71,13 +72,13 @@ def expert_action(
     return _pack(step, slow * turn / action.yaw_step_rad, OPEN)
 
 
-def target_from_tool(tool: ToolState, position: Array, yaw_rad: float) -> NDArray[np.float32]:
+def target_from_tool(tool: ToolState, grasp: Grasp) -> NDArray[np.float32]:
     """(6,) where a grasp lies from the tool: offset [m], cosine and sine of twice the turn, 1.
 
     Twice the turn, because a two-finger gripper is the same after half a turn.
     """
-    turn = 2 * (yaw_rad - tool.closing_yaw_rad)
-    return np.array([*(position - tool.position), np.cos(turn), np.sin(turn), 1.0], np.float32)
+    turn = 2 * (grasp.yaw_rad - tool.closing_yaw_rad)
+    return np.array([*(grasp.position - tool.position), np.cos(turn), np.sin(turn), 1.0], np.float32)
 
 
 def no_target() -> NDArray[np.float32]:
@@ -86,8 +87,11 @@ def no_target() -> NDArray[np.float32]:
 
 
 def lift_action() -> NDArray[np.float32]:
-    """Rise straight up with a closed gripper: an object is held."""
-    return _pack(np.array([0.0, 0.0, 1.0]), 0.0, CLOSE)
+    """Rise straight up with a closed gripper: an object is held.
+
+    Not at full speed, because the jerk of the start would shake loose what hangs by a rim or a slope.
+    """
+    return _pack(np.array([0.0, 0.0, LIFT]), 0.0, CLOSE)
 
 
 def wait_action() -> NDArray[np.float32]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 from collections import deque
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import sapien
@@ -18,33 +18,24 @@ from numpy.typing import NDArray
 from tr_grasp import keys
 from tr_grasp.configs import EnvCfg
 from tr_grasp.envs.contacts import Contacts, read_contacts
-from tr_grasp.envs.expert import (
-    ToolState,
-    choose_grasp,
-    expert_action,
-    lift_action,
-    no_target,
-    target_from_tool,
-    wait_action,
-)
+from tr_grasp.envs.expert import ToolState
 from tr_grasp.envs.outcome import outcome_of
 from tr_grasp.envs.placement import all_inside, drop_poses, inside
 from tr_grasp.envs.rewards import STAGES, completed_stages, reward_terms
-from tr_grasp.envs.robot_bodies import ARM_COLOUR, FINGER_COLOUR, TABLE_COLOUR, entity_pose, link_body, table_body
-from tr_grasp.envs.sensor import OctreeSensor, picture
+from tr_grasp.envs.robot_bodies import TABLE_COLOUR, link_bodies
+from tr_grasp.envs.scene_view import SceneView
+from tr_grasp.envs.scripted_expert import Label, ScriptedExpert
+from tr_grasp.envs.sensor import OctreeSensor
+from tr_grasp.envs.settling import drop
 from tr_grasp.errors import ConfigError, unknown_name
-from tr_grasp.grasps import HeightMap, TopDownGrasps, top_down_grasps
 from tr_grasp.objects import ObjectSet, object_set
 from tr_grasp.objects.actors import add_object
-from tr_grasp.octree import OctreeFrame
 from tr_grasp.robots.agents import CartesianController, CartesianControllerConfig, CartesianPanda
 from tr_grasp.robots.cartesian import ToolLimits
-from tr_grasp.sensing import Body, DepthImage, PinholeCamera, RaycastScene
-from tr_grasp.sensing.sapien_camera import SapienCamera
+from tr_grasp.sensing import Body
 
 Array = NDArray[np.floating]
 AGENTS = {"panda": CartesianPanda}
-SETTLE_S, SETTLE_TRIES = 1.2, 6
 COLLECT_GARBAGE_EVERY = 25
 
 
@@ -66,7 +57,7 @@ class GraspNovelObjectsEnv(BaseEnv):
         robot_uids: Overrides ``cfg.robot``.
     """
 
-    SUPPORTED_ROBOTS = tuple(AGENTS)
+    SUPPORTED_ROBOTS: ClassVar[list[str | tuple[str]]] = [*AGENTS]
     SUPPORTED_OBS_MODES = ("none",)
     SUPPORTED_REWARD_MODES = ("sparse", "none")
     agent: CartesianPanda
@@ -166,25 +157,24 @@ class GraspNovelObjectsEnv(BaseEnv):
         for body in self._bodies:
             body.angular_damping = 1.0  # PhysX has no rolling friction: without it balls roll for ever
         self._entities = [body.entity for body in self._bodies]
-        self._index_robot()
+        self._look_at_scene()
 
-    def _index_robot(self) -> None:
-        """Look up, once per scene, what sensing and contacts need."""
+    def _look_at_scene(self) -> None:
+        """Set up, once per scene, what senses it."""
         links = self.agent.robot._objs[0].links
         by_name = {name: link._objs[0].entity for name, link in self.agent.robot.links_map.items()}
         self._fingers = [by_name[name] for name in self.agent.finger_links]
         fixed = {by_name[name] for name in self.agent.base_links}
         self._arm = [link.entity for link in links if link.entity not in fixed]
         if self._link_bodies is None:  # the robot is the same in every scene
-            self._link_bodies = [
-                link_body(link, FINGER_COLOUR if link.entity in self._fingers else ARM_COLOUR) for link in links
-            ]
-        seen = [(link.entity, body) for link, body in zip(links, self._link_bodies, strict=True) if body is not None]
-        objects = [Body(m.visual.vertices, m.visual.faces, m.face_colours) for m in self.models]
-        self._seen = [entity for entity, _ in seen] + self._entities
-        self.raycast = RaycastScene([*(body for _, body in seen), *objects, table_body()])
-        self._sapien_camera: SapienCamera | None = None
-        self._sensor = OctreeSensor(self.cfg, self.capture)
+            self._link_bodies = link_bodies(links, self._fingers)
+        seen_links = [
+            (link.entity, body) for link, body in zip(links, self._link_bodies, strict=True) if body is not None
+        ]
+        visuals = [Body(m.visual.vertices, m.visual.faces, m.face_colours) for m in self.models]
+        seen_objects = list(zip(self._entities, visuals, strict=True))
+        self.view = SceneView(self.cfg, self.scene.sub_scenes[0], seen_links, seen_objects)
+        self._sensor = OctreeSensor(self.cfg, self.view.capture)
 
     @property
     def controller(self) -> CartesianController:
@@ -202,8 +192,8 @@ class GraspNovelObjectsEnv(BaseEnv):
         self._stages = np.zeros(len(STAGES), bool)
         self._terms: dict[str, float] = {}
         self._contacts = None
-        self._grasps: TopDownGrasps | None = None
-        self._stack: deque[tuple[OctreeFrame, Array]] = deque(maxlen=self.cfg.observation.stack_n)
+        self._expert = ScriptedExpert(self.cfg, self.view.height_map)
+        self._stack: deque[tuple[torch.Tensor, torch.Tensor, torch.Tensor]] = deque(maxlen=self.cfg.observation.stack_n)
 
     def _place_arm(self, arm_q: Array) -> None:
         # Drive targets survive set_qpos: left alone they would pull the arm back while the objects settle.
@@ -221,27 +211,12 @@ class GraspNovelObjectsEnv(BaseEnv):
         aside[0] += np.pi / 2
         self._place_arm(aside)
         diagonals = np.array([model.diagonal_m for model in self.models])
-        for _ in range(SETTLE_TRIES):
-            for body, (position, q) in zip(
-                self._bodies, drop_poses(diagonals, self.cfg.objects, self.cfg.workspace, self._rng), strict=True
-            ):
-                body.entity.set_pose(sapien.Pose(position, q))
-                body.set_linear_velocity(np.zeros(3))
-                body.set_angular_velocity(np.zeros(3))
-            self._settle()
-            if all_inside(self._positions(), self.cfg.workspace, -0.01):
-                return
-
-    def _settle(self) -> None:
-        for step in range(int(SETTLE_S * 2 * self.cfg.physics_hz)):
-            self.scene.px.step()
-            if step % 10 == 9 and step > 0.4 * self.cfg.physics_hz and self._at_rest():
-                return
-
-    def _at_rest(self) -> bool:
-        return all(
-            np.linalg.norm(body.linear_velocity) < 0.005 and np.linalg.norm(body.angular_velocity) < 0.1
-            for body in self._bodies
+        drop(
+            self.scene.px,
+            self._bodies,
+            lambda: drop_poses(diagonals, self.cfg.objects, self.cfg.workspace, self._rng),
+            lambda: all_inside(self._positions(), self.cfg.workspace, -0.01),
+            self.cfg.physics_hz,
         )
 
     def _positions(self) -> Array:
@@ -303,17 +278,14 @@ class GraspNovelObjectsEnv(BaseEnv):
         """Look, and stack what was seen on the observations before."""
         info = self.get_info() if info is None else info
         frame = self._sensor.observe(self._rng)
-        newest = (frame, self._proprioception())
+        newest = (frame.codes, frame.features, torch.from_numpy(self._proprioception()))
         while len(self._stack) < self.cfg.observation.stack_n - 1:
             self._stack.append(newest)
         self._stack.append(newest)
-        frames, proprio = zip(*self._stack, strict=True)
+        codes, features, proprio = (torch.stack(column)[None] for column in zip(*self._stack, strict=True))
         obs: dict[str, Any] = {
-            keys.OCTREE: {
-                "codes": torch.stack([f.codes for f in frames])[None],
-                "features": torch.stack([f.features for f in frames])[None],
-            },
-            keys.PROPRIO: torch.from_numpy(np.stack(proprio))[None],
+            keys.OCTREE: {"codes": codes, "features": features},
+            keys.PROPRIO: proprio,
             keys.STAGES: torch.from_numpy(self._stages.astype(np.float32))[None],
         }
         if self.cfg.observation.expert_labels:
@@ -332,79 +304,25 @@ class GraspNovelObjectsEnv(BaseEnv):
         T = self._tcp
         return np.array([gripper, *T[:3, 3], *T[:3, 0], *T[:3, 1]], np.float32)
 
-    def capture(self, camera: PinholeCamera) -> DepthImage:
-        """A noise-free picture of the present instant, by the configured backend."""
-        if self.cfg.camera.backend == "raycast":
-            return self.raycast.capture(camera, self.body_poses())
-        if self._sapien_camera is None:
-            self._sapien_camera = SapienCamera(self.scene.sub_scenes[0], camera)
-        return self._sapien_camera.capture()
-
-    def body_poses(self) -> Array:
-        """(bodies, 4, 4) ``T_base_body`` of all that :attr:`raycast` holds, in its order."""
-        return np.stack([*(entity_pose(entity) for entity in self._seen), np.eye(4)])
-
     def render_image(self, size_px: int = 320) -> NDArray[np.uint8]:
         """A shaded (size, size, 3) picture of the scene, drawn without a graphics driver."""
-        return picture(self.raycast, self.body_poses(), size_px)
+        return self.view.picture(size_px)
 
     def render(self) -> torch.Tensor:
         """(1, 512, 512, 3) uint8 picture of the scene."""
         return torch.from_numpy(self.render_image(512))[None]
 
-    # ---- expert ------------------------------------------------------------------------------------------------
-
-    def expert_labels(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """What the scripted expert, which sees the true scene, does in the present state and where it is going.
-
-        Returns:
-            Action (5,) and target (6,), as in :mod:`tr_grasp.keys`.
-        """
-        controller = self.controller
+    def expert_labels(self) -> Label:
+        """What the scripted expert does in the present state and where it is going; see :class:`ScriptedExpert`."""
         closing_axis = self._tcp[:2, 1]
         tool = ToolState(
-            self._tcp[:3, 3],
-            float(np.arctan2(closing_axis[1], closing_axis[0])),
-            controller.closing,
-            self._holding,
-            controller.gripper_opening_m(),
+            position=self._tcp[:3, 3],
+            closing_yaw_rad=float(np.arctan2(closing_axis[1], closing_axis[0])),
+            closing=self.controller.closing,
+            holding=self._holding,
+            opening_m=self.controller.gripper_opening_m(),
         )
-        if tool.holding:
-            return lift_action(), no_target()
-        grasps = self._plan()
-        best = choose_grasp(grasps, tool)
-        if best is None:
-            return wait_action(), no_target()
-        position, yaw, width = grasps.position[best], float(grasps.yaw_rad[best]), float(grasps.width_m[best])
-        return expert_action(tool, position, yaw, width, self.cfg.action), target_from_tool(tool, position, yaw)
-
-    def _plan(self) -> TopDownGrasps:
-        """Grasps of the present scene, searched anew only if an object has moved since."""
-        poses = np.stack([entity_pose(entity) for entity in self._entities])
-        if self._grasps is not None and np.abs(poses - self._planned_for).max() < 0.004:
-            return self._grasps
-        self._planned_for = poses
-        self._grasps = top_down_grasps(
-            self.height_map(), poses[:, :2, 3], lowest_tcp_m=self.cfg.workspace.tcp_height_m[0]
-        )
-        return self._grasps
-
-    def height_map(self, cell_m: float = 0.004) -> HeightMap:
-        """Table and objects from above, without the robot."""
-        half = self.cfg.workspace.side_m / 2 + 0.04
-        n = int(2 * half / cell_m) + 1
-        x0, y0 = np.array(self.cfg.workspace.centre_m[:2]) - (n - 1) / 2 * cell_m
-        x, y = np.meshgrid(x0 + np.arange(n) * cell_m, y0 + np.arange(n) * cell_m, indexing="ij")
-        top = 0.6
-        rays = np.zeros((n * n, 6), np.float32)
-        rays[:, 0], rays[:, 1], rays[:, 2], rays[:, 5] = x.ravel(), y.ravel(), top, -1.0
-        first = len(self._seen) - len(self._entities)
-        hits = self.raycast.cast(rays, self.body_poses(), range(first, len(self.raycast)))
-        height = np.maximum(top - np.where(np.isfinite(hits.distance), hits.distance, top), 0.0)
-        owner = hits.body - first
-        return HeightMap(
-            height.reshape(n, n), np.where(owner < len(self._entities), owner, -1).reshape(n, n), (x0, y0), cell_m
-        )
+        return self._expert.label(tool, self.view.object_poses())
 
     # ---- gymnasium ---------------------------------------------------------------------------------------------
 

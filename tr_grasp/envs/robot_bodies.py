@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import sapien
 import trimesh
@@ -12,9 +14,15 @@ from tr_grasp.sensing import Body
 ARM_COLOUR = (0.93, 0.93, 0.95)
 FINGER_COLOUR = (0.18, 0.18, 0.20)
 TABLE_COLOUR = (0.48, 0.44, 0.40)
+Link = physx.PhysxArticulationLinkComponent
 
 
-def link_body(link: physx.PhysxArticulationLinkComponent, colour: tuple[float, float, float]) -> Body | None:
+def link_bodies(links: Sequence[Link], fingers: Sequence[sapien.Entity]) -> list[Body | None]:
+    """What each link looks like; None for one without shape."""
+    return [link_body(link, FINGER_COLOUR if link.entity in fingers else ARM_COLOUR) for link in links]
+
+
+def link_body(link: Link, colour: tuple[float, float, float]) -> Body | None:
     """The collision shapes of a link as one mesh in the link's frame, or None if it has none."""
     meshes = [_mesh(shape) for shape in link.collision_shapes]
     if not meshes:
@@ -47,8 +55,3 @@ def _mesh(shape: physx.PhysxCollisionShape) -> trimesh.Trimesh:
         mesh = trimesh.Trimesh(shape.vertices * shape.scale, shape.triangles, process=False)
     mesh.apply_transform(shape.local_pose.to_transformation_matrix())
     return mesh
-
-
-def entity_pose(entity: sapien.Entity) -> np.ndarray:
-    """``T_base_entity`` (4, 4); the robot's base stands at the scene's origin."""
-    return entity.pose.to_transformation_matrix()

@@ -19,7 +19,7 @@ h1 { font-size: 1.9rem; line-height: 1.2; letter-spacing: -0.015em; margin: 0 0 
 h2 { font-size: 1.15rem; margin: 44px 0 12px; }
 p.lead { color: var(--muted); margin: 0 0 20px; max-width: 70ch; }
 .card { background: var(--card); border: 1px solid var(--line); border-radius: 10px; padding: 16px 18px; }
-.grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(440px, 1fr)); gap: 16px; align-items: start; }
+.grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(440px, 1fr)); gap: 16px; }
 @media (max-width: 520px) { .grid { grid-template-columns: 1fr; } }
 .grid + .card { margin-top: 16px; }
 .scroll { overflow-x: auto; }

@@ -97,10 +97,10 @@ def draw_rates(axes: Axes, theme: Theme, rates: Mapping[str, Counts]) -> None:
             color=theme.muted,
             fontsize=8.5,
         )
-    axes.set_yticks(rows, list(rates))
+    axes.set_yticks(rows, [name.replace("_", " ") for name in rates])
     axes.set_ylim(max(len(rates), _FEWEST_ROWS) - 0.5, -0.5)
     axes.set_xlim(-0.02, 1.02)
-    axes.xaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.xaxis.set_major_formatter(PercentFormatter(1.0, symbol=" %"))
     axes.grid(axis="x")
 
 

@@ -11,11 +11,12 @@ from PIL import Image, ImageDraw, ImageFont
 
 from tr_grasp.configs import EnvCfg
 from tr_grasp.envs import Outcome
-from tr_grasp.envs.sensor import PICTURE_EYE_M, PICTURE_TARGET_M, octree_spec
+from tr_grasp.envs.picture import PICTURE_EYE_M, PICTURE_TARGET_M
+from tr_grasp.envs.sensor import octree_spec
 from tr_grasp.evaluation.octree_view import Gripper, OctreeView
 from tr_grasp.evaluation.replay import IMAGE_PX, ReplayStep
 
-BAND_PX = 46
+BAND_PX = 58
 BAND = (24, 30, 42)
 TEXT = (226, 232, 240)
 MUTED = (122, 134, 153)
@@ -48,10 +49,10 @@ class ReplayView:
         canvas.paste(Image.fromarray(step.image), (0, 0))
         canvas.paste(Image.fromarray(self._octrees.draw(step.octree, gripper_of(step.proprio))), (self._px, 0))
         pencil = ImageDraw.Draw(canvas)
-        pencil.text((10, self._px + 6), action_text(step), fill=TEXT, font=_font(13))
-        _draw_stages(pencil, step, self._px + 26)
+        pencil.text((10, self._px + 6), action_text(step), fill=TEXT, font=_font(16))
+        _draw_stages(pencil, step, self._px + 32)
         if is_last:
-            _draw_outcome(pencil, step, 2 * self._px - 10, self._px + 26)
+            _draw_outcome(pencil, step, 2 * self._px - 10, self._px + 32)
         return np.asarray(canvas)
 
 
@@ -64,25 +65,26 @@ def action_text(step: ReplayStep) -> str:
     """The step and its action in words, without units: the components are shares of the largest step."""
     if step.action is None:
         return "step 0    start"
-    x, y, z, yaw, gripper = step.action.tolist()
-    hand = "open" if gripper > 0 else "close"
+    # Adding zero turns the -0.0 that rounding leaves into 0.0.
+    x, y, z, yaw = (step.action[:4].round(2) + 0.0).tolist()
+    hand = "open" if step.action[4] > 0 else "close"
     return f"step {step.step}    x {x:+.2f}   y {y:+.2f}   z {z:+.2f}   turn {yaw:+.2f}   {hand}"
 
 
 def _draw_stages(pencil: ImageDraw.ImageDraw, step: ReplayStep, top: int) -> None:
     left = 10
     for name, done in zip(STAGES, step.stages, strict=True):
-        width = int(_font(12).getlength(name)) + 12
+        width = int(_font(14).getlength(name)) + 14
         pencil.rounded_rectangle(
-            (left, top, left + width, top + 16), 4, fill=GOOD if done else None, outline=GOOD if done else MUTED
+            (left, top, left + width, top + 19), 4, fill=GOOD if done else None, outline=GOOD if done else MUTED
         )
-        pencil.text((left + 6, top + 1), name, fill=(255, 255, 255) if done else MUTED, font=_font(12))
+        pencil.text((left + 7, top + 1), name, fill=(255, 255, 255) if done else MUTED, font=_font(14))
         left += width + 6
 
 
 def _draw_outcome(pencil: ImageDraw.ImageDraw, step: ReplayStep, right: int, top: int) -> None:
     colour = GOOD if step.outcome == Outcome.LIFTED.label else BAD
-    pencil.text((right, top), step.outcome, fill=colour, font=_font(14), anchor="ra")
+    pencil.text((right, top), step.outcome, fill=colour, font=_font(16), anchor="ra")
 
 
 @lru_cache

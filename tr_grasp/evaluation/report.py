@@ -19,7 +19,15 @@ from tr_grasp.evaluation.suites import ARRANGEMENTS, Suite
 from tr_grasp.evaluation.summary import SuiteSummary, by_family, by_number, count, summarise
 from tr_grasp.provenance import Provenance
 
-SUMMARY_COLUMNS = ("suite", "episodes", "success", "95 % interval", "reward", "length", "length of successes")
+SUMMARY_COLUMNS = (
+    "suite",
+    "episodes",
+    "success",
+    "95 % interval",
+    "reward",
+    "length [steps]",
+    "length of successes [steps]",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,20 +196,24 @@ def _facts(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 
 def _settings(evaluation: Evaluation) -> str:
-    rows = [(f"env.{path}", text) for path, text in differing_settings(evaluation.suites[0].env, EnvCfg())]
-    for suite in evaluation.suites[1:]:
-        rows += [
-            (f"env.{path} ({suite.name})", str(value)) for path, value in _suite_changes(suite, evaluation.suites[0])
-        ]
+    rows = _world_settings(evaluation.suites)
     if evaluation.training is not None:
         learned = differing_settings(evaluation.training, TrainCfg())
         rows += [(path, text) for path, text in learned if not path.startswith("env.")]
     return page.facts(rows or [("none", "every setting has its default value")])
 
 
-def _suite_changes(suite: Suite, first: Suite) -> list[tuple[str, Any]]:
-    names = [path for path, _ in differing_settings(suite.env, first.env)]
-    return [(name, reduce(getattr, name.split("."), suite.env)) for name in names]
+def _world_settings(suites: Sequence[Suite]) -> list[tuple[str, str]]:
+    """What differs from the default worlds: once where all suites agree, else with the suite's name."""
+    differing = {suite.name: dict(differing_settings(suite.env, EnvCfg())) for suite in suites}
+    rows = []
+    for path in dict.fromkeys(path for of_suite in differing.values() for path in of_suite):
+        values = {name: of_suite[path] for name, of_suite in differing.items() if path in of_suite}
+        if len(values) == len(suites) and len(set(values.values())) == 1:
+            rows.append((f"env.{path}", next(iter(values.values()))))
+        else:
+            rows += [(f"env.{path} ({name})", value) for name, value in values.items()]
+    return rows
 
 
 def _spread(value: MeanStd | None) -> str:

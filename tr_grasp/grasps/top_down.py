@@ -7,13 +7,19 @@ that depth gives the width, and how its two flanks run along the pads says wheth
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter, maximum_filter1d
 
+from tr_grasp.grasps.height_map import HeightMap
+
 Array = NDArray[np.floating]
+Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -39,21 +45,13 @@ class GripperShape:
     clearance_m: float = 0.003
 
 
-@dataclass(frozen=True)
-class HeightMap:
-    """The scene from above, on a square grid of the base frame.
+class Grasp(NamedTuple):
+    """One top-down grasp; the fields are those of :class:`TopDownGrasps`."""
 
-    Attributes:
-        height: (n, n) highest surface [m] at cell (i, j) with x = x0 + i * cell, y = y0 + j * cell.
-        owner: (n, n) index of the object that this surface belongs to, -1 for the table.
-        origin_m: (x0, y0) centre of cell (0, 0).
-        cell_m: Edge of a cell.
-    """
-
-    height: Array
-    owner: NDArray[np.integer]
-    origin_m: tuple[float, float]
-    cell_m: float
+    position: Array
+    yaw_rad: float
+    width_m: float
+    depth_m: float
 
 
 @dataclass(frozen=True)
@@ -64,6 +62,7 @@ class TopDownGrasps:
         position: (k, 3) tcp [m].
         yaw_rad: (k,) direction of closing in the table's plane, in [0, pi).
         width_m: (k,) what stands between the fingers.
+        depth_m: (k,) how far the fingertips reach below the top of that.
         score: (k,) in about [0, 1].
         owner: (k,) object.
     """
@@ -71,11 +70,38 @@ class TopDownGrasps:
     position: Array
     yaw_rad: Array
     width_m: Array
+    depth_m: Array
     score: Array
     owner: NDArray[np.integer]
 
     def __len__(self) -> int:
         return len(self.score)
+
+    def __getitem__(self, k: int) -> Grasp:
+        return Grasp(self.position[k], float(self.yaw_rad[k]), float(self.width_m[k]), float(self.depth_m[k]))
+
+    def subset(self, chosen: Index) -> TopDownGrasps:
+        """Those with the indices ``chosen`` (m,), in that order."""
+        return TopDownGrasps(
+            self.position[chosen],
+            self.yaw_rad[chosen],
+            self.width_m[chosen],
+            self.depth_m[chosen],
+            self.score[chosen],
+            self.owner[chosen],
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[TopDownGrasps]) -> TopDownGrasps:
+        """All of several sets, one set after the other."""
+        return cls(
+            np.concatenate([part.position for part in parts]),
+            np.concatenate([part.yaw_rad for part in parts]),
+            np.concatenate([part.width_m for part in parts]),
+            np.concatenate([part.depth_m for part in parts]),
+            np.concatenate([part.score for part in parts]),
+            np.concatenate([part.owner for part in parts]),
+        )
 
 
 def top_down_grasps(
@@ -84,6 +110,7 @@ def top_down_grasps(
     *,
     gripper: GripperShape = GripperShape(),
     lowest_tcp_m: float = 0.012,
+    within_m: tuple[ArrayLike, ArrayLike] = ((-np.inf, -np.inf), (np.inf, np.inf)),
     yaws_n: int = 16,
     per_object_n: int = 12,
 ) -> TopDownGrasps:
@@ -94,59 +121,51 @@ def top_down_grasps(
         centres: (objects, 2) horizontal centre of mass of each object [m].
         gripper: Its shape.
         lowest_tcp_m: Lowest tcp above the table.
+        within_m: Corners (x, y) of the rectangle in which the tcp can be.
         yaws_n: Closing directions tried, over half a turn.
         per_object_n: Grasps kept for each object, at most one per 12 mm and closing direction.
     """
-    found = [_grasps_at(scene, centres, yaw, gripper, lowest_tcp_m) for yaw in np.arange(yaws_n) * np.pi / yaws_n]
-    everything = TopDownGrasps(*(np.concatenate(column) for column in zip(*found, strict=True)))
-    kept = [_diverse(everything, owner, per_object_n) for owner in range(len(centres))]
-    order = np.concatenate(kept).astype(int) if kept else np.zeros(0, int)
-    order = order[np.argsort(-everything.score[order], kind="stable")]
-    return TopDownGrasps(*(column[order] for column in _columns(everything)))
-
-
-def _columns(grasps: TopDownGrasps) -> tuple[Array, ...]:
-    return grasps.position, grasps.yaw_rad, grasps.width_m, grasps.score, grasps.owner
+    yaws = np.arange(yaws_n) * np.pi / yaws_n
+    found = TopDownGrasps.joined([_grasps_at(scene, centres, float(yaw), gripper, lowest_tcp_m) for yaw in yaws])
+    xy, low, high = found.position[:, :2], np.asarray(within_m[0], float), np.asarray(within_m[1], float)
+    found = found.subset(np.flatnonzero(((xy >= low) & (xy <= high)).all(axis=1)))
+    order = np.concatenate([np.zeros(0, int), *(_diverse(found, k, per_object_n) for k in range(len(centres)))])
+    return found.subset(order[np.argsort(-found.score[order], kind="stable")])
 
 
 def _grasps_at(
     scene: HeightMap, centres: Array, yaw: float, gripper: GripperShape, lowest_tcp_m: float
-) -> tuple[Array, ...]:
-    """All grasps with one closing direction, as columns of :class:`TopDownGrasps`."""
+) -> TopDownGrasps:
+    """All grasps with one closing direction."""
     cell = scene.cell_m
-    height, owner, x, y = _turned(scene, yaw)
-    slab = maximum_filter1d(height, _odd(gripper.pad_width_m / cell), axis=1, mode="nearest")
     half = round(gripper.opening_m / 2 / cell)
-    thickness = int(np.ceil(gripper.finger_thickness_m / cell))
-    fingers = _max_over_offsets(slab, half, half + thickness)
+    height, owner = _turned(scene, yaw)
+    slab = maximum_filter1d(height, _odd(gripper.pad_width_m / cell), axis=1, mode="nearest")
     between = maximum_filter1d(slab, 2 * (half - 1) + 1, axis=0, mode="nearest")
-    palm = maximum_filter(
-        height, (_odd(2 * gripper.palm_u_m / cell), _odd(2 * gripper.palm_w_m / cell)), mode="nearest"
-    )
-    tcp = np.maximum.reduce(
-        [
-            fingers + gripper.tip_below_tcp_m + gripper.clearance_m,
-            palm - gripper.palm_above_tcp_m + gripper.clearance_m,
-            between - (gripper.palm_above_tcp_m - gripper.clearance_m),
-            np.full_like(height, lowest_tcp_m),
-        ]
-    )
+    tcp = _lowest_free_tcp(height, slab, between, gripper, cell, lowest_tcp_m)
     engaged = between - (tcp - gripper.tip_below_tcp_m)
     i, j = np.nonzero(engaged > 0.006)
     inside = (i >= half) & (i < len(height) - half)
     i, j = i[inside], j[inside]
-    left, right, flat, slope = _flanks(height, slab, i, j, tcp[i, j], half, cell)
-    width = (right - left + 1) * cell
-    centred = np.abs(left + right) <= 2
+    # The pads meet what rises above the middle between fingertip and tcp.
+    left, right = _ends_between(slab, i, j, tcp[i, j] - 0.004, half)
+    wide = (right - left + 1) * cell
+    kept = (np.abs(left + right) <= 2) & (wide <= gripper.opening_m - 0.006) & (right >= left)
+    i, j, left, right = i[kept], j[kept], left[kept], right[kept]
+    flat = _flatness(height, i, j, tcp[i, j] - 0.004, half)
+    held, other = (owner[np.clip(i + end, 0, len(owner) - 1), j] for end in (left, right))
+    held = np.where(held >= 0, held, other)
     # Flanks that meet the pads at 45 degrees are a corner: it turns out of the grip.
-    graspable = centred & (flat > 0.3) & (width <= gripper.opening_m - 0.006) & (right >= left)
-    i, j, left, right, flat, slope, width = (v[graspable] for v in (i, j, left, right, flat, slope, width))
-    held = owner[np.clip(i + left, 0, len(owner) - 1), j]
-    held = np.where(held >= 0, held, owner[np.clip(i + right, 0, len(owner) - 1), j])
-    same = (held >= 0) & (owner[np.clip(i + right, 0, len(owner) - 1), j] == held)
-    i, j, left, right, flat, slope, width, held = (v[same] for v in (i, j, left, right, flat, slope, width, held))
-    shift = (left + right) / 2 * cell
-    position = np.stack([x[i, j] + shift * np.cos(yaw), y[i, j] + shift * np.sin(yaw), tcp[i, j]], axis=1)
+    kept = (held >= 0) & (other == held) & (flat > 0.3)
+    i, j, left, right, flat, held = i[kept], j[kept], left[kept], right[kept], flat[kept], held[kept]
+    width = (right - left + 1) * cell
+    slope = _slope(slab, i, j, tcp[i, j] - 0.004, right - left, half, cell)
+    middle = (len(height) - 1) / 2
+    u, w = (i + (left + right) / 2 - middle) * cell, (j - middle) * cell
+    x0, y0 = np.array(scene.origin_m) + middle * cell
+    position = np.stack(
+        [x0 + u * np.cos(yaw) - w * np.sin(yaw), y0 + u * np.sin(yaw) + w * np.cos(yaw), tcp[i, j]], axis=1
+    )
     off_centre = np.linalg.norm(position[:, :2] - centres[held], axis=1) if len(held) else np.zeros(0)
     score = (
         0.45 * np.minimum(engaged[i, j], 0.04) / 0.04
@@ -155,22 +174,42 @@ def _grasps_at(
         - 0.15 * np.clip((width - 0.06) / 0.014, 0, 1)
         - 0.40 * np.clip(slope - 0.3, 0, 1)
     )
-    return position, np.full(len(score), yaw), width, score, held
+    return TopDownGrasps(position, np.full(len(score), yaw), width, engaged[i, j], score, held)
 
 
-def _turned(scene: HeightMap, yaw: float) -> tuple[Array, NDArray[np.integer], Array, Array]:
-    """Height, owner, x and y on a grid whose first axis is the closing direction."""
-    n = len(scene.height)
-    offsets = (np.arange(n) - (n - 1) / 2) * scene.cell_m
-    middle = np.array(scene.origin_m) + (n - 1) / 2 * scene.cell_m
+def _lowest_free_tcp(
+    height: Array, slab: Array, between: Array, gripper: GripperShape, cell: float, lowest_tcp_m: float
+) -> Array:
+    """(n, n) lowest tcp at which neither fingers nor palm touch the scene [m]."""
+    half, thickness = round(gripper.opening_m / 2 / cell), int(np.ceil(gripper.finger_thickness_m / cell))
+    fingers = _max_over_offsets(slab, half, half + thickness)
+    palm_size = (_odd(2 * gripper.palm_u_m / cell), _odd(2 * gripper.palm_w_m / cell))
+    palm = maximum_filter(height, palm_size, mode="nearest")
+    return np.maximum.reduce(
+        [
+            fingers + gripper.tip_below_tcp_m + gripper.clearance_m,
+            palm - gripper.palm_above_tcp_m + gripper.clearance_m,
+            between - (gripper.palm_above_tcp_m - gripper.clearance_m),
+            np.full_like(height, lowest_tcp_m),
+        ]
+    )
+
+
+def _turned(scene: HeightMap, yaw: float) -> tuple[Array, NDArray[np.integer]]:
+    """Height and owner on a grid whose first axis is the closing direction."""
+    cells, on_map = _turned_cells(len(scene.height), yaw)
+    return np.where(on_map, scene.height.take(cells), 0.0), np.where(on_map, scene.owner.take(cells), -1)
+
+
+@lru_cache(maxsize=64)
+def _turned_cells(n: int, yaw: float) -> tuple[Index, NDArray[np.bool_]]:
+    """(n, n) flat index of the cell that lies at each place of the turned grid, and whether it lies on the map."""
+    offsets = np.arange(n) - (n - 1) / 2
     u, w = np.meshgrid(offsets, offsets, indexing="ij")
-    x = middle[0] + u * np.cos(yaw) - w * np.sin(yaw)
-    y = middle[1] + u * np.sin(yaw) + w * np.cos(yaw)
-    i = np.rint((x - scene.origin_m[0]) / scene.cell_m).astype(int)
-    j = np.rint((y - scene.origin_m[1]) / scene.cell_m).astype(int)
+    i = np.rint(u * np.cos(yaw) - w * np.sin(yaw) + (n - 1) / 2).astype(int)
+    j = np.rint(u * np.sin(yaw) + w * np.cos(yaw) + (n - 1) / 2).astype(int)
     on_map = (i >= 0) & (i < n) & (j >= 0) & (j < n)
-    i, j = np.clip(i, 0, n - 1), np.clip(j, 0, n - 1)
-    return np.where(on_map, scene.height[i, j], 0.0), np.where(on_map, scene.owner[i, j], -1), x, y
+    return np.clip(i, 0, n - 1) * n + np.clip(j, 0, n - 1), on_map
 
 
 def _odd(cells: float) -> int:
@@ -186,40 +225,38 @@ def _max_over_offsets(values: Array, first: int, last: int) -> Array:
     return np.maximum(window[start + first], window[start - last])
 
 
-def _flanks(
-    height: Array, slab: Array, i: NDArray[np.integer], j: NDArray[np.integer], tcp: Array, half: int, cell: float
-) -> tuple[NDArray[np.integer], NDArray[np.integer], Array, Array]:
-    """What the pads meet.
+def _ends_between(surface: Array, i: Index, j: Index, level: Array, half: int) -> tuple[Index, Index]:
+    """First and last cell between the open fingers, relative to i, at which a surface is above ``level`` (k,)."""
+    rows = np.clip(i[:, None] + np.arange(-half + 1, half), 0, len(surface) - 1)
+    left, right = _ends(surface[rows, j[:, None]] > level[:, None])
+    return left - half + 1, right - half + 1
 
-    Returns:
-        First and last cell relative to i; how parallel the flanks run to the pads (0..1); by how much the flanks
-        spread for each metre downwards, above about 1 of which friction no longer holds.
-    """
-    offsets = np.arange(-half + 1, half)
-    # The pads meet what rises above the middle between fingertip and tcp.
-    grip = (tcp - 0.004)[:, None]
-    rows = np.clip(i[:, None] + offsets, 0, len(height) - 1)
-    left, right = _ends(slab[rows, j[:, None]] > grip)
+
+def _flatness(height: Array, i: Index, j: Index, level: Array, half: int) -> Array:
+    """(k,) how parallel the flanks run to the pads, 0..1: compared at the middle and both edges of the pads."""
+    rows = np.clip(i[:, None] + np.arange(-half + 1, half), 0, len(height) - 1)
     edges = []
     for across in (-2, 0, 2):
-        column = np.clip(j + across, 0, height.shape[1] - 1)[:, None]
-        solid = height[rows, column] > grip
-        a, b = _ends(solid)
-        edges.append(np.where(solid.any(1), [a, b], 10 * half))
+        solid = height[rows, np.clip(j + across, 0, height.shape[1] - 1)[:, None]] > level[:, None]
+        edges.append(np.where(solid.any(1), _ends(solid), 10 * half))
     spread = np.ptp(np.stack(edges), axis=0)
-    flat = np.clip(1.25 - spread.max(axis=0) / 4.0, 0.0, 1.0)
-    upper_left, upper_right = _ends(slab[rows, j[:, None]] > grip + 0.010)
-    narrower = ((right - left) - (upper_right - upper_left)) / 2 * cell
-    missing = upper_right - upper_left >= 2 * half - 2  # nothing reaches the upper level
-    return left - half + 1, right - half + 1, flat, np.where(missing, 0.0, narrower / 0.010)
+    return np.clip(1.25 - spread.max(axis=0) / 4.0, 0.0, 1.0)
 
 
-def _ends(solid: NDArray[np.bool_]) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
+def _slope(slab: Array, i: Index, j: Index, level: Array, extent: Index, half: int, cell: float) -> Array:
+    """(k,) by how much each flank spreads for each metre downwards; above about 1, friction no longer holds."""
+    left, right = _ends_between(slab, i, j, level + 0.010, half)
+    narrower = (extent - (right - left)) / 2 * cell
+    missing = right - left >= 2 * half - 2  # nothing reaches the upper level
+    return np.where(missing, 0.0, narrower / 0.010)
+
+
+def _ends(solid: NDArray[np.bool_]) -> tuple[Index, Index]:
     """Index of the first and of the last True along the second axis."""
     return solid.argmax(1), solid.shape[1] - 1 - solid[:, ::-1].argmax(1)
 
 
-def _diverse(grasps: TopDownGrasps, owner: int, limit: int) -> NDArray[np.integer]:
+def _diverse(grasps: TopDownGrasps, owner: int, limit: int) -> Index:
     """Indices of the best grasps of one object, thinned to one per 12 mm and closing direction."""
     candidates = np.flatnonzero(grasps.owner == owner)
     candidates = candidates[np.argsort(-grasps.score[candidates], kind="stable")]

@@ -67,6 +67,27 @@ class PinholeCamera:
 
     def deproject(self, depth: Array) -> Array:
         """(h, w, 3) points [m] in the base frame for a depth picture (h, w) [m]; ``inf`` stays ``inf`` or NaN."""
-        rays = self.rays_base.reshape(self.height_px, self.width_px, 6)
         with np.errstate(invalid="ignore"):
-            return rays[..., :3] + rays[..., 3:] * depth[..., None]
+            points = self._origins + self._directions * depth.ravel()
+        # Each coordinate is a plane of its own in memory: numpy is several times faster along planes than across.
+        return points.T.reshape(self.height_px, self.width_px, 3)
+
+    def pixels_that_meet(self, lower_m: Array, upper_m: Array) -> NDArray[np.bool_]:
+        """(h, w) pixels whose ray meets the box between two corners (3,) of the base frame."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.stack(
+                [(np.asarray(end)[:, None] - self._origins) / self._directions for end in (lower_m, upper_m)]
+            )
+        # A ray inside the plane of a face gives NaN, which says nothing about that axis.
+        enter, leave = np.nanmax(ends.min(axis=0), axis=0), np.nanmin(ends.max(axis=0), axis=0)
+        return ((enter <= leave) & (leave >= 0)).reshape(self.height_px, self.width_px)
+
+    @cached_property
+    def _origins(self) -> NDArray[np.float32]:
+        """(3, h * w) origins of the rays."""
+        return np.ascontiguousarray(self.rays_base[:, :3].T)
+
+    @cached_property
+    def _directions(self) -> NDArray[np.float32]:
+        """(3, h * w) directions of the rays."""
+        return np.ascontiguousarray(self.rays_base[:, 3:].T)

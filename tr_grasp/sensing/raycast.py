@@ -1,4 +1,4 @@
-"""A camera without a graphics driver: rays against triangles (Open3D, Embree)."""
+"""Rays against triangles (Open3D, Embree): what a graphics driver does, without one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tr_grasp.errors import MissingSystemLibraryError
-from tr_grasp.sensing.camera import DepthImage, PinholeCamera
 
 try:
     import open3d as o3d
@@ -63,51 +62,54 @@ class RayHits:
     @classmethod
     def none(cls, n: int) -> RayHits:
         """``n`` rays that all miss."""
-        return cls(np.full(n, np.inf, np.float32), np.full(n, -1), np.zeros((n, 3)), np.tile(BACKGROUND, (n, 1)))
+        return cls(
+            np.full(n, np.inf, np.float32), np.full(n, -1), np.zeros((n, 3), np.float32), np.tile(BACKGROUND, (n, 1))
+        )
 
 
 class RaycastScene:
-    """Moving rigid bodies that can be looked at.
+    """Rigid bodies that can be looked at.
 
-    The acceleration structure is rebuilt for every cast from the bodies that can be seen: for a few thousand
-    triangles this takes about a millisecond, less than one static structure per body costs in queries.
+    The acceleration structure is rebuilt for every cast: for a few hundred triangles this takes a quarter of a
+    millisecond, less than one static structure per body costs in queries.
+
+    Args:
+        moving: Bodies whose poses come with every cast; they have the indices from 0.
+        still: Bodies that never move, given in the base frame; they have the indices after those.
     """
 
-    def __init__(self, bodies: Sequence[Body]) -> None:
+    def __init__(self, moving: Sequence[Body], still: Sequence[Body] = ()) -> None:
+        bodies = [*moving, *still]
+        self.moving_n, self.still_n = len(moving), len(still)
         self._vertices = [np.asarray(body.vertices, np.float32) for body in bodies]
         self._faces = [np.asarray(body.faces, np.uint32) for body in bodies]
         self._colours = [np.asarray(body.face_colours, np.float32) for body in bodies]
-        self._centres = np.array([(v.min(0) + v.max(0)) / 2 for v in self._vertices])
-        self._radii = np.array(
-            [np.linalg.norm(v - c, axis=1).max() for v, c in zip(self._vertices, self._centres, strict=True)]
-        )
+        self._known_triangles: dict[tuple[int, ...], tuple[o3d.core.Tensor, NDArray, NDArray]] = {}
+        self._boxes = np.array([_box_corners(body.vertices) for body in moving]).reshape(-1, 8, 3)
 
-    def __len__(self) -> int:
-        return len(self._vertices)
+    def box_corners(self, poses: Array) -> Array:
+        """(moving, 8, 3) corners [m] of the moving bodies' bounding boxes in the base frame."""
+        return self._boxes @ poses[:, :3, :3].swapaxes(1, 2) + poses[:, None, :3, 3]
 
     def cast(self, rays: NDArray[np.float32], poses: Array, selection: Sequence[int] | None = None) -> RayHits:
         """Shoot rays at the bodies.
 
         Args:
             rays: (n, 6) origin and direction in the base frame.
-            poses: (bodies, 4, 4) ``T_base_body``.
+            poses: (moving, 4, 4) ``T_base_body``.
             selection: Bodies that exist for this cast; all by default.
         """
-        chosen = range(len(self)) if selection is None else selection
+        chosen = range(self.moving_n + self.still_n) if selection is None else selection
         if not len(chosen):
             return RayHits.none(len(rays))
         T = poses.astype(np.float32)
-        moved = [self._vertices[i] @ T[i, :3, :3].T + T[i, :3, 3] for i in chosen]
-        offsets = np.cumsum([0] + [len(v) for v in moved])[:-1]
-        faces = np.concatenate([self._faces[i] + np.uint32(o) for i, o in zip(chosen, offsets, strict=True)])
+        faces, body_of_triangle, colour_of_triangle = self._triangles(tuple(chosen))
         scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        scene.add_triangles(o3d.core.Tensor(np.concatenate(moved)), o3d.core.Tensor(faces))
-        answer = scene.cast_rays(o3d.core.Tensor(rays), nthreads=1)
+        scene.add_triangles(_tensor(np.concatenate([self._placed(body, T) for body in chosen])), faces)
+        answer = scene.cast_rays(_tensor(rays), nthreads=1)
         distance = answer["t_hit"].numpy()
         hit = np.isfinite(distance)
         triangle = np.where(hit, answer["primitive_ids"].numpy(), 0)
-        body_of_triangle = np.repeat(np.fromiter(chosen, int), [len(self._faces[i]) for i in chosen])
-        colour_of_triangle = np.concatenate([self._colours[i] for i in chosen])
         return RayHits(
             distance=distance,
             body=np.where(hit, body_of_triangle[triangle], -1),
@@ -115,20 +117,29 @@ class RaycastScene:
             colours=np.where(hit[:, None], colour_of_triangle[triangle], BACKGROUND),
         )
 
-    def capture(self, camera: PinholeCamera, poses: Array) -> DepthImage:
-        """Take a picture; bodies outside the view cone are left out of the rebuild."""
-        hits = self.cast(camera.rays_base, poses, self._visible(camera, poses))
-        shape = (camera.height_px, camera.width_px)
-        return DepthImage(hits.distance.reshape(shape), hits.colours.reshape(*shape, 3))
+    def _triangles(self, bodies: tuple[int, ...]) -> tuple[o3d.core.Tensor, NDArray[np.integer], NDArray[np.float32]]:
+        """Of some bodies together: faces (f, 3), the body of each (f,) and its colour (f, 3)."""
+        if bodies not in self._known_triangles:
+            offsets = np.cumsum([0] + [len(self._vertices[i]) for i in bodies])[:-1]
+            faces = [self._faces[i] + np.uint32(offset) for i, offset in zip(bodies, offsets, strict=True)]
+            self._known_triangles[bodies] = (
+                _tensor(np.concatenate(faces)),
+                np.repeat(bodies, [len(self._faces[i]) for i in bodies]),
+                np.concatenate([self._colours[i] for i in bodies]),
+            )
+        return self._known_triangles[bodies]
 
-    def _visible(self, camera: PinholeCamera, poses: Array) -> list[int]:
-        """Bodies whose bounding sphere meets the cone around the picture."""
-        centres = np.einsum("bij,bj->bi", poses[:, :3, :3], self._centres) + poses[:, :3, 3]
-        relative = centres - camera.T_base_cam[:3, 3]
-        distance = np.linalg.norm(relative, axis=1)
-        corner = camera.directions_cam[0, 0]
-        half_angle = np.arctan(np.linalg.norm(corner[:2]))
-        off_axis = np.arccos(np.clip(relative @ camera.T_base_cam[:3, 2] / np.maximum(distance, 1e-9), -1, 1))
-        subtended = np.arcsin(np.clip(self._radii / np.maximum(distance, 1e-9), 0, 1))
-        seen = (off_axis - subtended < half_angle) | (distance <= self._radii)
-        return [int(i) for i in np.flatnonzero(seen)]
+    def _placed(self, body: int, T: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(v, 3) vertices in the base frame."""
+        vertices = self._vertices[body]
+        return vertices @ T[body, :3, :3].T + T[body, :3, 3] if body < self.moving_n else vertices
+
+
+def _box_corners(vertices: Array) -> Array:
+    """(8, 3) corners of the box around points (v, 3)."""
+    bounds = np.stack([np.min(vertices, axis=0), np.max(vertices, axis=0)])
+    return bounds[np.indices((2, 2, 2)).reshape(3, 8).T, np.arange(3)]
+
+
+def _tensor(array: NDArray[np.generic]) -> o3d.core.Tensor:
+    return o3d.core.Tensor.from_numpy(np.ascontiguousarray(array))

@@ -1,0 +1,71 @@
+"""The scripted expert at work: plans on the true scene and remembers the plan while nothing moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tr_grasp.configs import EnvCfg
+from tr_grasp.envs.expert import (
+    ToolState,
+    choose_grasp,
+    expert_action,
+    lift_action,
+    no_target,
+    target_from_tool,
+    wait_action,
+)
+from tr_grasp.grasps import HeightMap, TopDownGrasps, top_down_grasps
+
+Array = NDArray[np.floating]
+Label = tuple[NDArray[np.float32], NDArray[np.float32]]
+MOVED = 0.004
+"""Change of an entry of a pose matrix (metres, or about radians) from which an object has moved."""
+
+
+class ScriptedExpert:
+    """Sees the true scene; one for each scene.
+
+    Args:
+        cfg: The task.
+        look: Measures the scene from above.
+    """
+
+    def __init__(self, cfg: EnvCfg, look: Callable[[], HeightMap]) -> None:
+        self._cfg, self._look = cfg, look
+        self._planned_for: Array | None = None
+
+    def label(self, tool: ToolState, object_poses: Array) -> Label:
+        """What it does in the present state and where it is going.
+
+        Args:
+            tool: The gripper.
+            object_poses: (objects, 4, 4) ``T_base_object``.
+
+        Returns:
+            Action (5,) and target (6,), as in :mod:`tr_grasp.keys`.
+        """
+        if tool.holding:
+            return lift_action(), no_target()
+        grasps = self._plan(object_poses)
+        best = choose_grasp(grasps, tool)
+        if best is None:
+            return wait_action(), no_target()
+        grasp = grasps[best]
+        return expert_action(tool, grasp, self._cfg.action), target_from_tool(tool, grasp)
+
+    def _plan(self, poses: Array) -> TopDownGrasps:
+        """Grasps of the present scene, searched anew only if an object has moved since."""
+        if self._planned_for is None or np.abs(poses - self._planned_for).max() >= MOVED:
+            self._planned_for = poses
+            w = self._cfg.workspace
+            centre, half = np.array(w.centre_m[:2]), w.side_m / 2
+            self._grasps = top_down_grasps(
+                self._look(),
+                poses[:, :2, 3],
+                lowest_tcp_m=w.tcp_height_m[0],
+                within_m=(centre - half, centre + half),
+            )
+        return self._grasps
