@@ -172,3 +172,26 @@ def test_both_ends_of_a_transition_are_turned_by_the_same_element(tmp_path):
     for name in ("action", "expert_action"):
         assert torch.equal(after[name], turn_action(elements, before[name]))
     assert not torch.equal(after["proprio"], before["proprio"])
+
+
+def test_the_average_is_the_running_mean_of_the_weights_after_each_update(tmp_path):
+    cfg = train_cfg()
+    cfg = replace(cfg, optimiser=replace(cfg.optimiser, averaging=0.9))
+    learner, sampler = setup(tmp_path, cfg)
+    expected = None
+    for _ in range(3):
+        learner.update(sampler.mixed(), env_steps=0)
+        latest = [p.detach().double().clone() for p in learner.agent.parameters()]
+        expected = latest if expected is None else [0.9 * e + 0.1 * p for e, p in zip(expected, latest, strict=True)]
+    for average, mean in zip(learner.average.parameters(), expected, strict=True):
+        torch.testing.assert_close(average.double(), mean, rtol=0, atol=1e-7)
+
+
+def test_without_averaging_the_latest_weights_are_judged(tmp_path):
+    cfg = train_cfg()
+    cfg = replace(cfg, optimiser=replace(cfg.optimiser, averaging=0.0))
+    learner, sampler = setup(tmp_path, cfg)
+    for _ in range(2):
+        learner.update(sampler.mixed(), env_steps=0)
+    for average, latest in zip(learner.average.parameters(), learner.agent.parameters(), strict=True):
+        assert torch.equal(average, latest)

@@ -102,7 +102,7 @@ def test_the_best_policy_is_kept_while_the_last_one_goes_on(tmp_path):
     assert any(not torch.equal(a, b) for a, b in pairs)
 
 
-def test_the_evaluated_policy_has_the_learners_weights(tmp_path):
+def test_the_evaluated_policy_has_the_learners_averaged_weights(tmp_path):
     seen = []
 
     def evaluate(policy):
@@ -111,7 +111,7 @@ def test_the_evaluated_policy_has_the_learners_weights(tmp_path):
 
     run = trainer(tmp_path / "run", evaluate=evaluate)
     run.run()
-    assert all(torch.equal(a, b) for a, b in zip(seen[-1], run._session.agent.policy.parameters(), strict=True))
+    assert all(torch.equal(a, b) for a, b in zip(seen[-1], run._session.learner.average.policy.parameters(), strict=True))
 
 
 def test_ctrl_c_ends_the_run_with_a_checkpoint_that_can_be_resumed(tmp_path):

@@ -27,7 +27,7 @@ class NetworkCfg:
     actor_hidden_n: tuple[int, ...] = (256, 256)
     """Hidden widths of the actor."""
 
-    log_std_init: float = -1.5
+    log_std_init: float = -2.0
     """Log standard deviation of the fresh actor; small, so that noise does not drown what was imitated (thesis: 0)."""
 
     critic_hidden_n: tuple[int, ...] = (256, 256)
@@ -62,10 +62,10 @@ class TqcCfg:
     reward_scale: float = 0.0125
     """Factor on the reward in the learner (the environment always pays the thesis' 400)."""
 
-    alpha_init: float = 0.05
+    alpha_init: float = 0.005
     """Initial entropy temperature."""
 
-    alpha_min: float = 0.002
+    alpha_min: float = 0.0005
     """Floor of the entropy temperature."""
 
     target_entropy: float = -4.0
@@ -80,7 +80,7 @@ class TqcCfg:
     normalise_actor_loss: bool = True
     """Divide the actor's loss by the mean absolute value so that imitation keeps its weight."""
 
-    actor_warmup_updates: int = 300
+    actor_warmup_updates: int = 1_500
     """The actor's reinforcement term grows linearly over this many updates (0: at once)."""
 
     action_noise: float = 0.0
@@ -102,7 +102,7 @@ class OptimiserCfg:
     learning_rate: float = 7e-4
     """Initial learning rate."""
 
-    decay_start: float = 0.6
+    decay_start: float = 0.5
     """Share of the run after which the rate falls linearly (0: from the beginning, thesis)."""
 
     final_fraction: float = 0.1
@@ -110,6 +110,10 @@ class OptimiserCfg:
 
     gradient_clip: float = 10.0
     """Largest gradient norm (0: no clipping)."""
+
+    averaging: float = 0.998
+    """The policy that is judged and saved is a running mean of the weights, which keeps this share of itself at every
+    update (0: the latest weights, thesis)."""
 
 
 @dataclass(frozen=True)
@@ -156,10 +160,10 @@ class ImitationCfg:
     weight_initial: float = 2.0
     """Weight of the imitation loss when collection starts (0: no imitation)."""
 
-    weight_final: float = 1.0
+    weight_final: float = 0.5
     """Weight after ``decay_env_steps``."""
 
-    decay_env_steps: int = 12_000
+    decay_env_steps: int = 10_000
     """Environment steps over which the weight changes linearly."""
 
     localisation_weight: float = 1.0
@@ -185,7 +189,7 @@ class TrainerCfg:
     deterministic_share: float = 0.5
     """Share of collected episodes that act without exploring: they meet the states where the policy gets stuck."""
 
-    updates_per_step: float = 0.33
+    updates_per_step: float = 0.5
     """Gradient steps per environment step."""
 
     learning_starts: int = 200
@@ -209,7 +213,7 @@ class TrainerCfg:
     evaluate_every: int = 2_500
     """Environment steps between evaluations (0: never)."""
 
-    evaluate_episodes: int = 40
+    evaluate_episodes: int = 100
     """Deterministic episodes of an evaluation, on validation seeds of the training objects."""
 
     checkpoint_every: int = 2_500

@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from tensordict import TensorDict
 from torch import Tensor
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torchrl.objectives import SoftUpdate
 
 from tr_grasp.configs import TrainCfg
@@ -26,6 +27,10 @@ BROKEN_BATCH_FILE = "diverged_batch.pt"
 class Learner:
     """Improves an agent in place.
 
+    Attributes:
+        average: The agent with the running mean of its weights. Adam's last step is noise that a mean does not have, so
+            this one is judged and saved.
+
     Args:
         agent: On the device where it shall learn.
         cfg: The settings of the run.
@@ -35,6 +40,7 @@ class Learner:
     def __init__(self, agent: Agent, cfg: TrainCfg, folder: Path) -> None:
         self.agent = agent
         self.updates = 0
+        self._average = AveragedModel(agent, multi_avg_fn=get_ema_multi_avg_fn(cfg.optimiser.averaging))
         self._cfg = cfg
         self._folder = folder
         self._loss = build_loss(cfg, agent).to(cfg.trainer.device)
@@ -47,6 +53,10 @@ class Learner:
         self._optimiser = torch.optim.Adam(
             [*self._loss.parameters(), *self._locator.parameters()], lr=cfg.optimiser.learning_rate, fused=True
         )
+
+    @property
+    def average(self) -> Agent:
+        return self._average.module
 
     def pretrain(self, batch: TensorDict) -> dict[str, Tensor]:
         """One update with the imitation loss alone. Target networks follow without delay, they are not in use yet.
@@ -102,6 +112,7 @@ class Learner:
             "loss": dict(self._loss.state_dict()),
             "locator": self._locator.state_dict(),
             "optimiser": self._optimiser.state_dict(),
+            "average": self._average.state_dict(),
             "updates": self.updates,
         }
 
@@ -110,6 +121,7 @@ class Learner:
         self._loss.load_state_dict(state["loss"])
         self._locator.load_state_dict(state["locator"])
         self._optimiser.load_state_dict(state["optimiser"])
+        self._average.load_state_dict(state["average"])
         self.updates = state["updates"]
 
     def _imitation(self, batch: TensorDict, features: Tensor) -> dict[str, Tensor]:
@@ -135,6 +147,7 @@ class Learner:
         if not torch.isfinite(total) or not torch.isfinite(norm):
             self._report_divergence(batch, losses, norm)
         self._optimiser.step()
+        self._average.update_parameters(self.agent)
         return norm.detach()
 
     def _report_divergence(self, batch: TensorDict, losses: Mapping[str, Tensor], norm: Tensor) -> None:

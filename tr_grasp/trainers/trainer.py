@@ -77,6 +77,7 @@ class Trainer:
         self._session = Session(cfg, env_spec, folder.path)
         # Acts on the CPU, wherever the learner is, with the weights of the last push.
         self._policy = copy.deepcopy(self._session.agent.policy).cpu().eval().requires_grad_(False)
+        self._judged = copy.deepcopy(self._policy)
         self._action_n = env_spec.action_n
         self._losses = Averages()
         self._clock = Clock()
@@ -232,12 +233,14 @@ class Trainer:
 
     def _evaluate(self) -> dict[str, float]:
         counters = self._session.counters
-        scores = self._evaluate_policy(self._policy)
+        average = self._session.learner.average
+        self._judged.load_state_dict(average.policy.state_dict())
+        scores = self._evaluate_policy(self._judged)
         rank = [scores["success"], scores.get("reward", 0.0)]
         is_best = rank > counters.best
         if is_best:
             counters.best = rank
-            save_policy(self._folder.best, self._session.agent, self._cfg, self._record(scores))
+            save_policy(self._folder.best, average, self._cfg, self._record(scores))
         self._report(evaluation_line(scores, counters.env_steps, is_best))
         return {f"evaluation/{name}": value for name, value in scores.items()}
 
@@ -284,7 +287,7 @@ class Trainer:
         save_checkpoint(self._folder.checkpoint, state)
         record = self._record()
         self._folder.write_record(record)
-        save_policy(self._folder.last, self._session.agent, self._cfg, record)
+        save_policy(self._folder.last, self._session.learner.average, self._cfg, record)
 
     def _restore(self) -> None:
         state = load_checkpoint(self._folder.checkpoint, ("session", "rows", "wall_s"))
