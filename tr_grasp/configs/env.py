@@ -62,8 +62,9 @@ class ObjectsCfg:
     count_range: tuple[int, int] = (1, 4)
     """Fewest and most objects in an episode."""
 
-    arrangement: Literal["scattered", "pile"] = "scattered"
-    """``scattered``: dropped one by one, apart; ``pile``: dropped on top of each other in the middle."""
+    arrangement: Literal["scattered", "pile", "mixed"] = "scattered"
+    """``scattered``: dropped one by one, apart; ``pile``: dropped on top of each other in the middle; ``mixed``: either,
+    drawn for each scene."""
 
     diagonal_range_m: tuple[float, float] = (0.125, 0.175)
     """Objects from meshes are scaled so that their bounding-box diagonal falls in this range (thesis)."""

@@ -27,7 +27,7 @@ class NetworkCfg:
     actor_hidden_n: tuple[int, ...] = (256, 256)
     """Hidden widths of the actor."""
 
-    log_std_init: float = -2.0
+    log_std_init: float = -3.0
     """Log standard deviation of the fresh actor; small, so that noise does not drown what was imitated (thesis: 0)."""
 
     critic_hidden_n: tuple[int, ...] = (256, 256)
@@ -62,14 +62,15 @@ class TqcCfg:
     reward_scale: float = 0.0125
     """Factor on the reward in the learner (the environment always pays the thesis' 400)."""
 
-    alpha_init: float = 0.005
+    alpha_init: float = 0.002
     """Initial entropy temperature."""
 
-    alpha_min: float = 0.0005
+    alpha_min: float = 0.0001
     """Floor of the entropy temperature."""
 
-    target_entropy: float = -4.0
-    """Entropy that the temperature aims at (thesis: -5)."""
+    target_entropy: float = -12.0
+    """Entropy that the temperature aims at (thesis: -5). Low, so that the critics judge what the deterministic policy does:
+    one that relies on its noise to close the gripper hovers without it."""
 
     encoder_grad: Literal["critic", "actor", "both"] = "critic"
     """Which loss trains the encoder; the thesis' code used the actor's."""
@@ -80,10 +81,10 @@ class TqcCfg:
     normalise_actor_loss: bool = True
     """Divide the actor's loss by the mean absolute value so that imitation keeps its weight."""
 
-    actor_warmup_updates: int = 1_500
+    actor_warmup_updates: int = 1_000
     """The actor's reinforcement term grows linearly over this many updates (0: at once)."""
 
-    action_noise: float = 0.0
+    action_noise: float = 0.1
     """Standard deviation of Gaussian noise on collected actions (thesis: 0.025)."""
 
     def __post_init__(self) -> None:
@@ -160,7 +161,7 @@ class ImitationCfg:
     weight_initial: float = 2.0
     """Weight of the imitation loss when collection starts (0: no imitation)."""
 
-    weight_final: float = 0.5
+    weight_final: float = 1.0
     """Weight after ``decay_env_steps``."""
 
     decay_env_steps: int = 10_000

@@ -17,9 +17,9 @@ def drop_poses(
     """Position (3,) [m, base frame] and orientation (wxyz, uniform) from which each object is let go.
 
     Scattered objects start side by side, as far apart as room allows; piled ones start above each other near the
-    middle.
+    middle. A ``mixed`` arrangement draws one of the two.
     """
-    if objects.arrangement == "pile":
+    if objects.arrangement == "pile" or (objects.arrangement == "mixed" and rng.random() < 0.5):
         spots = [rng.uniform(-0.025, 0.025, 2) for _ in diagonals_m]
         heights = 0.5 * diagonals_m[0] + 0.02 + np.concatenate([[0.0], np.cumsum(diagonals_m[1:] * 0.8)])
     else:
