@@ -117,7 +117,7 @@ def test_smoke_is_tiny() -> None:
 
 
 def test_the_package_offers_these_presets() -> None:
-    assert preset_names() == ["dagger", "demonstrations", "grasp", "smoke", "thesis", "vanilla"]
+    assert preset_names() == ["dagger", "demonstrations", "grasp", "smoke", "thesis", "ur5_rg2", "vanilla"]
 
 
 @pytest.mark.parametrize("name", sorted(set(preset_names()) - {"thesis"}))  # pins its values, whatever ours become

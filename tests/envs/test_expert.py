@@ -6,19 +6,19 @@ from tr_grasp.configs import ActionCfg
 from tr_grasp.envs.expert import CLOSE, OPEN, ToolState, choose_grasp, expert_action, target_from_tool
 from tr_grasp.grasps import Grasp, TopDownGrasps
 
-ACTION = ActionCfg()
+ACTION, OPENING_M = ActionCfg(), 0.08
 TARGET = np.array([0.5, 0.0, 0.03])
 
 
-def tool(position, yaw=0.0, closing=False, opening=0.08) -> ToolState:
-    return ToolState(np.array(position, float), yaw, closing, False, opening)
+def tool(position, yaw=0.0, closing=False, opening=OPENING_M, speed=0.0) -> ToolState:
+    return ToolState(np.array(position, float), yaw, closing, False, opening, speed)
 
 
 def fly(position, yaw, target_yaw, width=0.05, depth=0.03, steps=40):
     """Follow the expert with perfect motion; the poses on the way and the last action."""
     position, path = np.array(position, float), []
     for _ in range(steps):
-        action = expert_action(tool(position, yaw), Grasp(TARGET, target_yaw, width, depth), ACTION)
+        action = expert_action(tool(position, yaw), Grasp(TARGET, target_yaw, width, depth), ACTION, OPENING_M)
         path.append((position.copy(), yaw))
         if action[4] == CLOSE:
             return path, action
@@ -51,16 +51,41 @@ def test_the_tool_comes_down_only_where_it_is_above_the_grasp(x, y):
 
 def test_over_a_thin_object_the_tool_comes_lower_before_it_closes():
     above = tool(TARGET + np.array([0, 0, 0.006]))
-    thin, thick = (expert_action(above, Grasp(TARGET, 0.0, 0.011, depth), ACTION) for depth in (0.008, 0.03))
+    thin, thick = (expert_action(above, Grasp(TARGET, 0.0, 0.011, depth), ACTION, OPENING_M) for depth in (0.008, 0.03))
     assert thin[4] == OPEN
     assert thin[2] < 0
     assert thick[4] == CLOSE
 
 
 def test_a_gripper_that_closed_on_nothing_opens_and_rises():
-    action = expert_action(tool(TARGET, closing=True, opening=0.0), Grasp(TARGET, 0.0, 0.05, 0.03), ACTION)
+    action = expert_action(tool(TARGET, closing=True, opening=0.0), Grasp(TARGET, 0.0, 0.05, 0.03), ACTION, OPENING_M)
     assert action[4] == OPEN
     assert action[2] > 0
+
+
+def test_fingers_that_are_still_closing_are_not_opened_because_the_object_was_pushed():
+    beside = TARGET + np.array([0.03, 0, 0])
+    closing, stuck = (
+        expert_action(tool(beside, closing=True, opening=0.06, speed=v), Grasp(TARGET, 0.0, 0.05, 0.03), ACTION, 0.11)
+        for v in (-0.1, 0.0)
+    )
+    np.testing.assert_array_equal(closing, [0, 0, 0, 0, CLOSE])
+    assert stuck[4] == OPEN
+
+
+def test_the_tool_stays_above_the_grasp_until_the_fingers_are_half_open():
+    above = TARGET + np.array([0, 0, 0.05])
+    grasp = Grasp(TARGET, 0.0, 0.03, 0.03)
+    narrow, wide = (expert_action(tool(above, opening=opening), grasp, ACTION, 0.11)[2] for opening in (0.05, 0.06))
+    assert narrow == 0
+    assert wide < 0
+
+
+def test_a_wider_gripper_may_close_farther_beside_the_grasp():
+    beside = tool(TARGET + np.array([0.011, 0, 0]))
+    grasp = Grasp(TARGET, 0.0, 0.066, 0.03)
+    assert expert_action(beside, grasp, ACTION, 0.08)[4] == OPEN
+    assert expert_action(beside, grasp, ACTION, 0.11)[4] == CLOSE
 
 
 def test_the_nearer_of_two_equal_grasps_is_chosen():

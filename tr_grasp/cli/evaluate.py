@@ -26,6 +26,9 @@ class EvaluateCfg:
     policy: Positional[str]
     """A shipped policy (panda), the folder of a saved one, or scripted, random, zero."""
 
+    robot: str | None = None
+    """The arm of scripted, random or zero: panda, ur5_rg2, ur5_robotiq_2f85, j2s7s300 or your own YAML file."""
+
     objects: str = "test"
     """test or train for procedural objects, or a folder with one sub-folder per object."""
 
@@ -70,11 +73,11 @@ def main(args: list[str]) -> int:
 def run(cfg: EvaluateCfg, out: Path, command: str) -> int:
     """Evaluate, with progress, table and paths on the terminal."""
     # --help must not wait for a simulator.
-    from tr_grasp.evaluation.players import load_player
+    from tr_grasp.evaluation.players import load_player, with_robot
     from tr_grasp.evaluation.run import evaluate
     from tr_grasp.evaluation.suites import named_suites
 
-    player = load_player(cfg.policy)
+    player = with_robot(load_player(cfg.policy), cfg.robot)
     suites = named_suites(cfg.suite, player.env, objects=cfg.objects, episodes=cfg.episodes, first_seed=cfg.seed)
     with EpisodeBar(sum(suite.episodes for suite in suites)) as bar:
         finished = evaluate(

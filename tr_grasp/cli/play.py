@@ -33,6 +33,9 @@ class PlayCfg:
     episodes: int = 3
     """How many."""
 
+    robot: str | None = None
+    """The arm of scripted, random or zero: panda, ur5_rg2, ur5_robotiq_2f85, j2s7s300 or your own YAML file."""
+
     objects: str = "test"
     """test or train for procedural objects, or a folder with one sub-folder per object."""
 
@@ -59,7 +62,7 @@ def main(args: list[str]) -> int:
     # --help must not wait for a simulator.
     from tr_grasp.envs import make_env
     from tr_grasp.evaluation.film import check_format, save_film
-    from tr_grasp.evaluation.players import load_player
+    from tr_grasp.evaluation.players import load_player, with_robot
     from tr_grasp.evaluation.replay import record_episode
     from tr_grasp.evaluation.replay_view import ReplayView
     from tr_grasp.evaluation.rollouts import one_thread, run_episode
@@ -69,7 +72,7 @@ def main(args: list[str]) -> int:
     if cfg.view is not None:
         check_format(cfg.view)
         make_folder(cfg.view.parent)
-    player = load_player(cfg.agent)
+    player = with_robot(load_player(cfg.agent), cfg.robot)
     (suite,) = named_suites(cfg.suite, player.env, objects=cfg.objects, episodes=cfg.episodes, first_seed=cfg.seed)
     view = ReplayView(suite.env)
     film: list[NDArray[np.uint8]] = []

@@ -166,8 +166,8 @@ class RewardCfg:
 class EnvCfg:
     """Task I: grasp one of several novel objects and lift it."""
 
-    robot: Literal["panda"] = "panda"
-    """The arm and its gripper."""
+    robot: str = "panda"
+    """The arm and its gripper: panda, ur5_rg2, ur5_robotiq_2f85, j2s7s300, or the YAML file of your own."""
 
     control_hz: float = 4.0
     """Policy steps per second of simulated time."""

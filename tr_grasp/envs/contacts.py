@@ -33,15 +33,18 @@ class Contacts:
 
     @property
     def pinched(self) -> NDArray[np.bool_]:
-        """(objects,) pressed by every finger, from directions more than 45 degrees apart (thesis, two fingers)."""
-        pressed = (self.force_n > TOUCH_FORCE_N).all(axis=0)
-        cosine = (self.normal[0] * self.normal[1]).sum(axis=-1)
-        return pressed & (cosine < np.cos(np.pi / 4))
+        """(objects,) pressed by the first finger and any other, from directions more than 45 degrees apart.
+
+        Source: the thesis, for two fingers. Of more, the first is the thumb that opposes the others.
+        """
+        pressed = self.force_n > TOUCH_FORCE_N
+        cosine = (self.normal[0] * self.normal[1:]).sum(axis=-1)
+        return pressed[0] & (pressed[1:] & (cosine < np.cos(np.pi / 4))).any(axis=0)
 
 
 def read_contacts(
     contacts: Sequence[sapien.physx.PhysxContact],
-    fingers: Sequence[sapien.Entity],
+    fingers: Sequence[Sequence[sapien.Entity]],
     objects: Sequence[sapien.Entity],
     arm: Sequence[sapien.Entity],
     ground: sapien.Entity,
@@ -51,13 +54,13 @@ def read_contacts(
 
     Args:
         contacts: ``PhysxSystem.get_contacts()``.
-        fingers: Finger links, in order.
+        fingers: Links of each finger, in order.
         objects: Objects, in order.
         arm: Links that must not touch the table.
         ground: The table.
         timestep_s: Duration of the physics step.
     """
-    finger_of = {entity: k for k, entity in enumerate(fingers)}
+    finger_of = {entity: k for k, finger in enumerate(fingers) for entity in finger}
     object_of = {entity: k for k, entity in enumerate(objects)}
     forbidden = set(arm)
     impulse = np.zeros((len(fingers), len(objects), 3))

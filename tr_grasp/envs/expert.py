@@ -13,8 +13,11 @@ from tr_grasp.grasps import Grasp, TopDownGrasps
 
 Array = NDArray[np.floating]
 OPEN, CLOSE = 1.0, -1.0
-GRIPPER_OPENING_M = 0.08
 LIFT = 0.5
+MOVING_MPS = 0.02
+"""Fingers faster than this are still on their way."""
+WAIT_ABOVE_M = 0.05
+"""Fingers less than half open are waited for at this height over a grasp."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,7 @@ class ToolState:
         closing: The gripper was last told to close.
         holding: An object is pinched.
         opening_m: Measured distance between the fingers.
+        opening_speed_mps: How fast it grows.
     """
 
     position: Array
@@ -34,6 +38,7 @@ class ToolState:
     closing: bool
     holding: bool
     opening_m: float
+    opening_speed_mps: float = 0.0
 
 
 def choose_grasp(grasps: TopDownGrasps, tool: ToolState) -> int | None:
@@ -48,24 +53,35 @@ def choose_grasp(grasps: TopDownGrasps, tool: ToolState) -> int | None:
     return int(np.argmax(grasps.score - distance / 0.15 - 0.25 * turn))
 
 
-def expert_action(tool: ToolState, grasp: Grasp, action: ActionCfg) -> NDArray[np.float32]:
+def expert_action(tool: ToolState, grasp: Grasp, action: ActionCfg, opening_m: float) -> NDArray[np.float32]:
     """(5,) action towards a grasp.
 
     It is a continuous function of the state, so that it can be imitated: a funnel of heights opens over the grasp and
     the tool may only be as low as its sideways error allows. Labels tolerate errors that one camera cannot show;
-    stricter ones teach the imitator to hesitate.
+    stricter ones teach the imitator to hesitate. Slow fingers are waited for: the tool neither lets go while they close
+    nor comes down before they are half open.
+
+    Args:
+        tool: The gripper.
+        grasp: Where it is to go.
+        action: What a step does.
+        opening_m: Distance between the open fingers.
     """
     offset = grasp.position - tool.position
     turn = float(wrap_half_turn(grasp.yaw_rad - tool.closing_yaw_rad))
     sideways = float(np.hypot(offset[0], offset[1]))
     if tool.closing and tool.opening_m < 0.004:
         return _pack(np.array([0.0, 0.0, 1.0]), 0.0, OPEN)
-    tolerance = float(np.clip((GRIPPER_OPENING_M - grasp.width_m) / 2 - 0.002, 0.005, 0.012))
+    if tool.closing and tool.opening_speed_mps < -MOVING_MPS:
+        return _pack(np.zeros(3), 0.0, CLOSE)
+    tolerance = float(np.clip((opening_m - grasp.width_m) / 2 - 0.002, 0.005, 0.012))
     # A few millimetres above a pen the fingers would close over it.
     too_high = float(np.clip(0.4 * grasp.depth_m, 0.003, 0.010))
     if sideways < tolerance and abs(turn) < 0.35 and offset[2] > -too_high:
         return _pack(np.zeros(3), 0.0, CLOSE)
     hover = np.clip(1.6 * max(0.0, sideways - tolerance) + 0.08 * max(0.0, abs(turn) - 0.25), 0.0, 0.08)
+    if tool.opening_m < opening_m / 2:
+        hover = max(hover, WAIT_ABOVE_M)
     climb = offset[2] + hover
     slow = 0.35 if climb > 0.03 else 1.0
     step = np.array([slow * offset[0], slow * offset[1], climb]) / action.translation_step_m

@@ -27,15 +27,21 @@ from tr_grasp.envs.scene_view import SceneView
 from tr_grasp.envs.scripted_expert import Label, ScriptedExpert
 from tr_grasp.envs.sensor import OctreeSensor
 from tr_grasp.envs.settling import drop
-from tr_grasp.errors import ConfigError, unknown_name
+from tr_grasp.grasps import gripper_shape
 from tr_grasp.objects import ObjectSet, object_set
 from tr_grasp.objects.actors import add_object
-from tr_grasp.robots.agents import CartesianController, CartesianControllerConfig, CartesianPanda
+from tr_grasp.robots import robot_names, robot_spec
+from tr_grasp.robots.agents import (
+    CartesianArm,
+    CartesianController,
+    CartesianControllerConfig,
+    CartesianPanda,
+    agent_class,
+)
 from tr_grasp.robots.cartesian import ToolLimits
 from tr_grasp.sensing import Body
 
 Array = NDArray[np.floating]
-AGENTS = {"panda": CartesianPanda}
 COLLECT_GARBAGE_EVERY = 25
 
 
@@ -55,26 +61,29 @@ class GraspNovelObjectsEnv(BaseEnv):
     Args:
         cfg: The task.
         robot_uids: Overrides ``cfg.robot``.
+
+    Raises:
+        ConfigError: No such robot.
     """
 
-    SUPPORTED_ROBOTS: ClassVar[list[str | tuple[str]]] = [*AGENTS]
+    SUPPORTED_ROBOTS: ClassVar[list[str | tuple[str]]] = [*robot_names()]
     SUPPORTED_OBS_MODES = ("none",)
     SUPPORTED_REWARD_MODES = ("sparse", "none")
-    agent: CartesianPanda
+    agent: CartesianPanda | CartesianArm
 
     def __init__(self, *args: Any, cfg: EnvCfg | None = None, robot_uids: str | None = None, **kwargs: Any) -> None:
         self.cfg = cfg or EnvCfg()
         robot = robot_uids or self.cfg.robot
-        if robot not in AGENTS:
-            raise ConfigError(unknown_name("robot", robot, AGENTS))
+        self._agent_class, self._robot, self._gripper = agent_class(robot), robot_spec(robot), gripper_shape(robot)
+        self.SUPPORTED_ROBOTS = [*robot_names(), self._robot.name]
         kwargs.setdefault("sim_backend", "physx_cpu")
         kwargs.setdefault("render_backend", "cpu" if self.cfg.camera.backend == "sapien" else "none")
         kwargs.setdefault("obs_mode", "none")
         kwargs.setdefault("reward_mode", "sparse")
         self._contacts: Contacts | None = None
         self._scenes_cleared = 0
-        self._link_bodies: list[Body | None] | None = None
-        super().__init__(*args, robot_uids=robot, **kwargs)
+        self._link_bodies: dict[str, Body] | None = None
+        super().__init__(*args, robot_uids=self._robot.name, **kwargs)
 
     def _clear(self) -> None:
         # As BaseEnv does, but without collecting all garbage of the process each time: with torch loaded that takes
@@ -123,8 +132,7 @@ class GraspNovelObjectsEnv(BaseEnv):
             gripper_dead_zone=a.gripper_dead_zone,
             limits=ToolLimits(np.array([x - half, y - half, low]), np.array([x + half, y + half, high])),
         )
-        agent_class = AGENTS[self.robot_uids]
-        self.agent = agent_class(
+        self.agent = self._agent_class(
             self.scene, self._control_freq, "cartesian", initial_pose=sapien.Pose(), controller=controller
         )
 
@@ -161,16 +169,12 @@ class GraspNovelObjectsEnv(BaseEnv):
 
     def _look_at_scene(self) -> None:
         """Set up, once per scene, what senses it."""
-        links = self.agent.robot._objs[0].links
-        by_name = {name: link._objs[0].entity for name, link in self.agent.robot.links_map.items()}
-        self._fingers = [by_name[name] for name in self.agent.finger_links]
-        fixed = {by_name[name] for name in self.agent.base_links}
-        self._arm = [link.entity for link in links if link.entity not in fixed]
+        links = {name: link._objs[0] for name, link in self.agent.robot.links_map.items()}
+        self._fingers = [[links[name].entity for name in finger.links] for finger in self._robot.gripper.fingers]
+        self._arm = [link.entity for name, link in links.items() if name != self._robot.base_link]
         if self._link_bodies is None:  # the robot is the same in every scene
-            self._link_bodies = link_bodies(links, self._fingers)
-        seen_links = [
-            (link.entity, body) for link, body in zip(links, self._link_bodies, strict=True) if body is not None
-        ]
+            self._link_bodies = link_bodies(self.agent, links)
+        seen_links = [(links[name].entity, body) for name, body in self._link_bodies.items()]
         visuals = [Body(m.visual.vertices, m.visual.faces, m.face_colours) for m in self.models]
         seen_objects = list(zip(self._entities, visuals, strict=True))
         self.view = SceneView(self.cfg, self.scene.sub_scenes[0], seen_links, seen_objects)
@@ -186,19 +190,20 @@ class GraspNovelObjectsEnv(BaseEnv):
     def _initialize_episode(self, env_idx: torch.Tensor, options: dict) -> None:
         self._rng = np.random.default_rng([int(self._episode_seed[0]), 1])
         self._drop_objects()
-        self._place_arm(self.agent.home_arm_q + self._rng.normal(0, self.cfg.initial_joint_noise_rad, 7))
+        home = self.agent.home_arm_q
+        self._place_arm(home + self._rng.normal(0, self.cfg.initial_joint_noise_rad, len(home)))
         self.controller.reset()
         self._rest_height = self._positions()[:, 2].copy()
         self._stages = np.zeros(len(STAGES), bool)
         self._terms: dict[str, float] = {}
         self._contacts = None
-        self._expert = ScriptedExpert(self.cfg, self.view.height_map)
+        self._expert = ScriptedExpert(self.cfg, self.view.height_map, self._gripper)
         self._stack: deque[tuple[torch.Tensor, torch.Tensor, torch.Tensor]] = deque(maxlen=self.cfg.observation.stack_n)
 
     def _place_arm(self, arm_q: Array) -> None:
         # Drive targets survive set_qpos: left alone they would pull the arm back while the objects settle.
         robot = self.agent.robot._objs[0]
-        q = np.concatenate([arm_q, [self.controller.config.fingers.open_m] * 2]).astype(np.float32)
+        q = self.controller.qpos(arm_q)
         robot.set_qpos(q)
         robot.set_qvel(np.zeros_like(q))
         for joint, target in zip(robot.active_joints, q, strict=True):
@@ -298,7 +303,7 @@ class GraspNovelObjectsEnv(BaseEnv):
         """(10,) gripper reading, tcp position [m], first two columns of R_base_tcp."""
         controller = self.controller
         if self.cfg.observation.gripper_reading == "measured":
-            gripper = controller.gripper_opening_m() / controller.config.fingers.open_m - 1.0
+            gripper = 2.0 * controller.gripper_opening_m() / self._robot.gripper.opening_range_m[1] - 1.0
         else:
             gripper = -1.0 if controller.closing else 1.0
         T = self._tcp
@@ -321,8 +326,17 @@ class GraspNovelObjectsEnv(BaseEnv):
             closing=self.controller.closing,
             holding=self._holding,
             opening_m=self.controller.gripper_opening_m(),
+            opening_speed_mps=self._opening_speed_mps(),
         )
         return self._expert.label(tool, self.view.object_poses())
+
+    def _opening_speed_mps(self) -> float:
+        """How fast the fingers open."""
+        robot, controller = self.agent.robot._objs[0], self.controller
+        which = controller.active_joint_indices[controller.config.arm_dof :].numpy()
+        q, half_step = robot.qpos[which], 0.5 / self.cfg.physics_hz * robot.qvel[which]
+        opening_m = controller.config.fingers.opening_m
+        return (opening_m(q + half_step) - opening_m(q - half_step)) * self.cfg.physics_hz
 
     # ---- gymnasium ---------------------------------------------------------------------------------------------
 

@@ -1,14 +1,15 @@
-"""What cameras see of the robot and the table: light meshes taken from the collision shapes."""
+"""What cameras see of the robot and the table."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping
 
 import numpy as np
-import sapien
 import trimesh
 from sapien import physx
 
+from tr_grasp.robots.agents import CartesianArm, CartesianPanda
+from tr_grasp.robots.bodies import robot_bodies
 from tr_grasp.sensing import Body
 
 ARM_COLOUR = (0.93, 0.93, 0.95)
@@ -17,17 +18,30 @@ TABLE_COLOUR = (0.48, 0.44, 0.40)
 Link = physx.PhysxArticulationLinkComponent
 
 
-def link_bodies(links: Sequence[Link], fingers: Sequence[sapien.Entity]) -> list[Body | None]:
-    """What each link looks like; None for one without shape."""
-    return [link_body(link, FINGER_COLOUR if link.entity in fingers else ARM_COLOUR) for link in links]
+def link_bodies(agent: CartesianPanda | CartesianArm, links: Mapping[str, Link]) -> dict[str, Body]:
+    """What each link that has a shape looks like, by name; the Panda is drawn lightly, as it collides.
+
+    Args:
+        agent: The robot.
+        links: Its links, by name.
+    """
+    if isinstance(agent, CartesianArm):
+        bodies = robot_bodies(agent.spec)
+        return {name: bodies[name] for name in links if name in bodies}
+    return collision_bodies(links, agent.finger_links)
 
 
-def link_body(link: Link, colour: tuple[float, float, float]) -> Body | None:
-    """The collision shapes of a link as one mesh in the link's frame, or None if it has none."""
-    meshes = [_mesh(shape) for shape in link.collision_shapes]
-    if not meshes:
-        return None
-    mesh = trimesh.util.concatenate(meshes)
+def collision_bodies(links: Mapping[str, Link], fingers: Collection[str]) -> dict[str, Body]:
+    """The collision shapes of each link that has any, as one mesh in the link's frame."""
+    return {
+        name: _collision_body(link, FINGER_COLOUR if name in fingers else ARM_COLOUR)
+        for name, link in links.items()
+        if link.collision_shapes
+    }
+
+
+def _collision_body(link: Link, colour: tuple[float, float, float]) -> Body:
+    mesh = trimesh.util.concatenate([_mesh(shape) for shape in link.collision_shapes])
     return Body.uniform(mesh.vertices, mesh.faces, colour)
 
 

@@ -17,7 +17,7 @@ from tr_grasp.envs.expert import (
     target_from_tool,
     wait_action,
 )
-from tr_grasp.grasps import HeightMap, TopDownGrasps, top_down_grasps
+from tr_grasp.grasps import GripperShape, HeightMap, TopDownGrasps, top_down_grasps
 
 Array = NDArray[np.floating]
 Label = tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -31,10 +31,11 @@ class ScriptedExpert:
     Args:
         cfg: The task.
         look: Measures the scene from above.
+        gripper: What it grasps with.
     """
 
-    def __init__(self, cfg: EnvCfg, look: Callable[[], HeightMap]) -> None:
-        self._cfg, self._look = cfg, look
+    def __init__(self, cfg: EnvCfg, look: Callable[[], HeightMap], gripper: GripperShape) -> None:
+        self._cfg, self._look, self._gripper = cfg, look, gripper
         self._planned_for: Array | None = None
 
     def label(self, tool: ToolState, object_poses: Array) -> Label:
@@ -54,7 +55,7 @@ class ScriptedExpert:
         if best is None:
             return wait_action(), no_target()
         grasp = grasps[best]
-        return expert_action(tool, grasp, self._cfg.action), target_from_tool(tool, grasp)
+        return expert_action(tool, grasp, self._cfg.action, self._gripper.opening_m), target_from_tool(tool, grasp)
 
     def _plan(self, poses: Array) -> TopDownGrasps:
         """Grasps of the present scene, searched anew only if an object has moved since."""
@@ -65,6 +66,7 @@ class ScriptedExpert:
             self._grasps = top_down_grasps(
                 self._look(),
                 poses[:, :2, 3],
+                gripper=self._gripper,
                 lowest_tcp_m=w.tcp_height_m[0],
                 within_m=(centre - half, centre + half),
             )

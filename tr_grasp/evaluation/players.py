@@ -16,6 +16,7 @@ from tr_grasp.configs import EnvCfg, TrainCfg
 from tr_grasp.errors import ConfigError, unknown_name
 from tr_grasp.keys import ACTION, EXPERT_ACTION, PROPRIO
 from tr_grasp.modules import load_policy, shipped_policies
+from tr_grasp.robots import robot_spec
 
 SCRIPTED = "scripted"
 ACTION_N = 5
@@ -59,6 +60,27 @@ def load_player(name: str) -> Player:
         raise ConfigError(f"{known} The folder of a saved policy works too.")
     policy, training = load_policy(name)
     return Player(name, policy, _sees_expert(training.env, False), training)
+
+
+def with_robot(player: Player, robot: str | None) -> Player:
+    """The same player with another arm.
+
+    Args:
+        player: Whom :func:`load_player` gave.
+        robot: Name of the arm, or the YAML file of one's own; None changes nothing.
+
+    Raises:
+        ConfigError: If there is no such robot, or the player learned on another.
+    """
+    if robot is None:
+        return player
+    robot_spec(robot)
+    if player.training is not None and robot != player.env.robot:
+        raise ConfigError(
+            f"--robot {robot}: '{player.name}' learned on {player.env.robot} and plays only there; "
+            f"{', '.join(BUILT_IN)} play with any robot."
+        )
+    return replace(player, env=replace(player.env, robot=robot))
 
 
 def _sees_expert(env: EnvCfg, labels: bool) -> EnvCfg:

@@ -16,33 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter, maximum_filter1d
 
+from tr_grasp.grasps.gripper_shape import FRANKA_HAND, GripperShape
 from tr_grasp.grasps.height_map import HeightMap
 
 Array = NDArray[np.floating]
 Index = NDArray[np.intp]
-
-
-@dataclass(frozen=True)
-class GripperShape:
-    """A parallel gripper seen from above; u is the closing direction, w across it. Defaults: Franka hand.
-
-    Attributes:
-        opening_m: Distance between the open fingers.
-        finger_thickness_m, pad_width_m: Size of a finger along u and w.
-        tip_below_tcp_m: How far the fingertips reach below the tcp.
-        palm_above_tcp_m: Height of the palm over the tcp.
-        palm_u_m, palm_w_m: Half extents of the palm.
-        clearance_m: Space kept between gripper and scene.
-    """
-
-    opening_m: float = 0.08
-    finger_thickness_m: float = 0.018
-    pad_width_m: float = 0.018
-    tip_below_tcp_m: float = 0.0095
-    palm_above_tcp_m: float = 0.037
-    palm_u_m: float = 0.10
-    palm_w_m: float = 0.032
-    clearance_m: float = 0.003
 
 
 class Grasp(NamedTuple):
@@ -108,7 +86,7 @@ def top_down_grasps(
     scene: HeightMap,
     centres: Array,
     *,
-    gripper: GripperShape = GripperShape(),
+    gripper: GripperShape = FRANKA_HAND,
     lowest_tcp_m: float = 0.012,
     within_m: tuple[ArrayLike, ArrayLike] = ((-np.inf, -np.inf), (np.inf, np.inf)),
     yaws_n: int = 16,
