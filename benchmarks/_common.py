@@ -42,6 +42,35 @@ def print_row(name: str, ms: float, peer: str | None = None, peer_ms: float | No
     print(json.dumps(row | more | {"machine": machine()}), flush=True)
 
 
+def peak_mib(call: Callable[[], Any]) -> float:
+    """Largest memory that torch's allocator held at once during the call, beyond what it held before.
+
+    Counted from the profiler's record of every allocation and release on the CPU, and by the allocator itself on CUDA.
+    What libraries below torch keep for themselves (oneDNN's workspace) is not in it.
+    """
+    call()  # tables that are made once do not count
+    if torch.cuda.is_available():
+        before = torch.cuda.memory_allocated()
+        torch.cuda.reset_peak_memory_stats()
+        call()
+        return (torch.cuda.max_memory_allocated() - before) / 2**20
+    with torch.profiler.profile(activities=[torch.profiler.ProfilerActivity.CPU], profile_memory=True) as profile:
+        call()
+    changes = [event for event in profile.profiler.kineto_results.events() if event.name() == "[memory]"]
+    held = np.cumsum([event.nbytes() for event in sorted(changes, key=lambda event: event.start_ns())])
+    return float(max(held.max(initial=0), 0)) / 2**20
+
+
+def print_memory_row(
+    name: str, mib: float, peer: str | None = None, peer_mib: float | None = None, **more: Any
+) -> None:
+    """One JSON object on one line; ``ratio`` is how many times less memory than the peer."""
+    row: dict[str, Any] = {"name": name, "peak_mib": round(mib, 1)}
+    if peer is not None and peer_mib is not None:
+        row |= {"peer": peer, "peer_peak_mib": round(peer_mib, 1), "ratio": round(peer_mib / mib, 2)}
+    print(json.dumps(row | more | {"machine": machine()}), flush=True)
+
+
 def machine() -> str:
     """Processor, threads in use and torch version."""
     processor = platform.processor() or platform.machine()

@@ -1,7 +1,8 @@
 """Speed of the encoders: ``python -m benchmarks.encoder``.
 
-Prints JSON rows. Peers: the Vanilla O-CNN on dense grids with the same widths, and on ``ocnn`` if it is installed.
-From stored frames to features: collation is part of every time, also of ocnn's (merge and neighbour tables).
+Prints JSON rows of time and of peak memory. Peers: the Vanilla O-CNN on dense grids with the same widths, and on
+``ocnn`` if it is installed. From stored frames to features: collation is part of every time, also of ocnn's (merge and
+neighbour tables), but not of the dense peer's, which is handed its grid. "dense backend" is the exportable twin.
 """
 
 from __future__ import annotations
@@ -15,12 +16,21 @@ import torch
 from torch import Tensor, nn
 
 from benchmarks import _ocnn
-from benchmarks._common import SPEC, median_ms, print_row, tabletop_cloud, tabletop_frames
+from benchmarks._common import (
+    SPEC,
+    median_ms,
+    peak_mib,
+    print_memory_row,
+    print_row,
+    tabletop_cloud,
+    tabletop_frames,
+)
 from tr_grasp.modules.encoders import build_encoder
-from tr_grasp.octree import Octree, octree_to_voxels
+from tr_grasp.octree import Backend, Octree, OctreeConv, OctreeFrame, OctreePool, octree_to_voxels
 
 Call = Callable[[], Tensor]
-DENSE = "dense Conv3d, channels last"
+DENSE = "Vanilla on dense Conv3d, channels last"
+OCNN = "Vanilla on ocnn, {}"
 
 
 class DensePeer(nn.Module):
@@ -39,6 +49,24 @@ class DensePeer(nn.Module):
         return self.head(self.squeeze(x).relu().flatten(1)).relu()
 
 
+class OnBackend(nn.Module):
+    """Vanilla O-CNN on our operators and either backend, with the gradients of the same weights."""
+
+    def __init__(self, backend: Backend) -> None:
+        super().__init__()
+        self.backend: Backend = backend
+        self.conv4, self.conv3, self.pool = OctreeConv(7, 32), OctreeConv(32, 64), OctreePool()
+        self.squeeze, self.head = nn.Linear(64, 16), nn.Linear(1024, 160)
+
+    def forward(self, frames: OctreeFrame) -> Tensor:
+        """Features ``(B, 160)``."""
+        octree = Octree(frames, SPEC.depth, backend=self.backend)
+        x = self.pool(self.conv4(octree.node_features(), octree, 4), octree, 4).relu()
+        x = self.pool(self.conv3(x, octree, 3), octree, 3).relu()
+        voxels = octree_to_voxels(x, octree, 2).permute(0, 2, 3, 4, 1)
+        return self.head(self.squeeze(voxels).relu().flatten(1)).relu()
+
+
 def our_calls(batch_n: int) -> dict[str, Call]:
     """Name of the encoder to a call that returns features."""
     frames = tabletop_frames(batch_n)[:, None]
@@ -49,8 +77,11 @@ def our_calls(batch_n: int) -> dict[str, Call]:
         "vanilla_ocnn, siblings": build_encoder("vanilla_ocnn", stack_n=1, node_set="siblings"),
         "localising_ocnn": build_encoder("localising_ocnn", stack_n=1),
         "localising_ocnn, no convolution": build_encoder("localising_ocnn", stack_n=1, conv_layers_n=0),
+        "residual_ocnn, occupied": build_encoder("residual_ocnn", stack_n=1),
+        "o_ahrnet, occupied": build_encoder("o_ahrnet", stack_n=1),
     }
-    return {name: partial(encoder, frames, proprio) for name, encoder in encoders.items()}
+    calls: dict[str, Call] = {name: partial(encoder, frames, proprio) for name, encoder in encoders.items()}
+    return calls | {"vanilla_ocnn, dense backend": partial(OnBackend("dense"), frames[:, 0])}
 
 
 def peer_calls(batch_n: int) -> dict[str, Call]:
@@ -65,7 +96,7 @@ def peer_calls(batch_n: int) -> dict[str, Call]:
         octrees = [_ocnn.build_octree(ocnn, tabletop_cloud(rng), SPEC) for _ in range(batch_n)]
         for node_set in ("occupied", "siblings"):
             peer = _ocnn.VanillaPeer(ocnn, nempty=node_set == "occupied")
-            calls[f"ocnn, {node_set}"] = lambda peer=peer: peer(_ocnn.merge(ocnn, octrees))
+            calls[OCNN.format(node_set)] = lambda peer=peer: peer(_ocnn.merge(ocnn, octrees))
     return calls
 
 
@@ -74,13 +105,20 @@ def bench(batch_n: int, repeats: int) -> None:
     ours, peers = our_calls(batch_n), peer_calls(batch_n)
     calls = ours | peers
     for what, prepare in {"forward": torch.no_grad(), "forward + backward": with_backward}.items():
-        timed = [prepare(call) for call in calls.values()]
-        ms = dict(zip(calls, median_ms(*timed, repeats=repeats), strict=True))
+        prepared = {name: prepare(call) for name, call in calls.items()}
+        ms = dict(zip(calls, median_ms(*prepared.values(), repeats=repeats), strict=True))
+        mib = {name: peak_mib(call) for name, call in prepared.items()}
         for name in ours:
-            same_nodes = "ocnn, siblings" if "siblings" in name else "ocnn, occupied"
-            for peer in (DENSE, same_nodes):
-                if peer in peers:
-                    print_row(f"{name}, {what}", ms[name], peer, ms[peer], batch=batch_n)
+            for peer in peers_of(name) & peers.keys() or {None}:
+                print_row(f"{name}, {what}", ms[name], peer, ms.get(peer), batch=batch_n)
+                print_memory_row(f"{name}, {what}, peak memory", mib[name], peer, mib.get(peer), batch=batch_n)
+
+
+def peers_of(name: str) -> set[str]:
+    """Networks of the same size; for ``residual_ocnn`` and ``o_ahrnet`` there is none."""
+    if name.startswith(("residual", "o_ahrnet")):
+        return set()
+    return {DENSE, OCNN.format("siblings" if "siblings" in name else "occupied")}
 
 
 def with_backward(call: Call) -> Callable[[], None]:

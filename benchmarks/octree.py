@@ -6,28 +6,32 @@ Prints JSON rows. Peers: dense convolution of the same widths, and ``ocnn`` if i
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from itertools import cycle
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from benchmarks import _ocnn
 from benchmarks._common import SPEC, median_ms, print_row, tabletop_cloud, tabletop_frames
 from tr_grasp.octree import (
-    Octree,
     OctreeConv,
     OctreeFrame,
-    OctreePool,
+    SparseOctree,
     octree_from_points,
+    octree_global_pool,
+    octree_pool,
     octree_to_voxels,
+    octree_upsample,
     random_elements,
     turn_frames,
 )
 
 
-def collate(frames: OctreeFrame, with_neighbours: bool = True) -> Octree:
+def collate(frames: OctreeFrame, with_neighbours: bool = True) -> SparseOctree:
     """What an encoder builds before its first layer."""
-    octree = Octree(frames, SPEC.depth)
+    octree = SparseOctree(frames, SPEC.depth)
     octree.leaf_features()
     for depth in (SPEC.depth, SPEC.depth - 1):
         octree.children(depth - 1)
@@ -40,10 +44,15 @@ def bench_build(batch_n: int) -> None:
     """Clouds to frames, against ocnn's octrees."""
     rng = np.random.default_rng(0)
     clouds = [tabletop_cloud(rng) for _ in range(batch_n)]
-    print_row("points to stored octree, one cloud", *median_ms(lambda: octree_from_points(*clouds[0], SPEC)))
     ocnn = _ocnn.import_ocnn()
+    ours_turn, peer_turn = cycle(clouds), cycle(clouds)  # another cloud each time, as in use
+    calls = [lambda: octree_from_points(*next(ours_turn), SPEC)]
+    if ocnn is not None:
+        calls.append(lambda: _ocnn.build_octree(ocnn, next(peer_turn), SPEC))
+    one_ms = median_ms(*calls, repeats=10 * batch_n)
+    print_row("points to stored octree, one cloud", one_ms[0], "ocnn build", one_ms[1] if ocnn is not None else None)
 
-    def ours() -> torch.Tensor:
+    def ours() -> Tensor:
         return torch.stack([octree_from_points(*cloud, SPEC) for cloud in clouds])
 
     if ocnn is None:
@@ -94,12 +103,35 @@ def bench_operators(batch_n: int) -> None:
         )
         name = f"conv {inputs}->{outputs} at depth {depth}, forward + backward"
         print_row(name, ours_ms, "dense Conv3d", peer_ms, batch=batch_n)
-    pool, x = OctreePool(), torch.randn(octree.level(4).nodes_n, 32, requires_grad=True)
+    x = torch.randn(octree.level(4).nodes_n, 32, requires_grad=True)
     grid = octree_to_voxels(x.detach(), octree, 4).requires_grad_()
-    ours_ms, peer_ms = median_ms(
-        lambda: pool(x, octree, 4).sum().backward(), lambda: nn.functional.max_pool3d(grid, 2).sum().backward()
-    )
-    print_row("max pool 32 at depth 4, forward + backward", ours_ms, "dense MaxPool3d", peer_ms, batch=batch_n)
+    coarse = torch.randn(octree.level(3).nodes_n, 32, requires_grad=True)
+    coarse_grid = octree_to_voxels(coarse.detach(), octree, 3).requires_grad_()
+    pairs: dict[str, tuple[Callable[[], Tensor], Callable[[], Tensor], str]] = {
+        "max pool 32 at depth 4": (
+            lambda: octree_pool(x, octree, 4),
+            lambda: nn.functional.max_pool3d(grid, 2),
+            "dense MaxPool3d",
+        ),
+        "upsample 32 from depth 3": (
+            lambda: octree_upsample(coarse, octree, 3),
+            lambda: nn.functional.interpolate(coarse_grid, scale_factor=2),
+            "dense interpolate",
+        ),
+        "global max pool 32 at depth 4": (
+            lambda: octree_global_pool(x, octree, 4),
+            lambda: grid.amax((2, 3, 4)),
+            "dense amax",
+        ),
+    }
+    for name, (ours, dense, peer) in pairs.items():
+        ours_ms, peer_ms = median_ms(with_backward(ours), with_backward(dense))
+        print_row(f"{name}, forward + backward", ours_ms, peer, peer_ms, batch=batch_n)
+
+
+def with_backward(call: Callable[[], Tensor]) -> Callable[[], None]:
+    """The call, then its gradients."""
+    return lambda: call().sum().backward()
 
 
 def main() -> None:

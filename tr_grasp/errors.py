@@ -26,6 +26,10 @@ class CheckpointError(TrGraspError, ValueError):
     """A checkpoint or policy that is corrupt, foreign, or of another version."""
 
 
+class ExportError(TrGraspError, ValueError):
+    """A policy that cannot be exported, or whose exported twin acts differently."""
+
+
 class TrainingDivergedError(TrGraspError, ArithmeticError):
     """A loss or gradient stopped being finite; the message names the file that holds the batch."""
 

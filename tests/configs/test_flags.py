@@ -131,7 +131,7 @@ def test_flags_change_the_default_that_is_given() -> None:
         ("--observation 3", "--observation: unknown; did you mean --env.observation.…?"),
         ("--qqqq 3", "--qqqq: unknown; see --help"),
         ("--env.observation.depth five", "--env.observation.depth: must be a whole number, got 'five'"),
-        ("--env.observation.depth 9", "observation.depth must be 3..5, got 9"),
+        ("--env.observation.depth 9", "observation.depth must be 3..6, got 9"),
         (
             "--env.objects.split=tset",
             "--env.objects.split: must be one of 'train', 'test', got 'tset'; did you mean test?",

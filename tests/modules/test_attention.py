@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from tests.octree.clouds import SPEC, random_frames
-from tr_grasp.modules.encoders.attention import OctreeAttention, channel_kernel, pool_samples
+from tr_grasp.modules.encoders.attention import OctreeAttention, channel_kernel
 from tr_grasp.octree import Octree
 
 
@@ -74,6 +74,7 @@ def test_pooling_over_samples_worked_by_hand() -> None:
     frames.codes[1] = -1
     level = Octree(frames, SPEC.depth).leaves
     assert level.samples.tolist() == [0, 0, 2, 2]
-    largest, mean = pool_samples(torch.tensor([[1.0], [3.0], [-4.0], [-2.0]]), level)
+    features = torch.tensor([[1.0], [3.0], [-4.0], [-2.0]])
+    largest, mean = level.pool(features, "max"), level.pool(features, "average")
     assert largest.flatten().tolist() == [3.0, 0.0, -2.0]
     assert mean.flatten().tolist() == [2.0, 0.0, -3.0]

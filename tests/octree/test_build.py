@@ -10,7 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.octree.clouds import SPEC, Cloud, random_cloud
-from tr_grasp.octree import OctreeFrame, OctreeSpec, octree_from_points
+from tr_grasp.octree import (
+    LeafOverflowWarning,
+    OctreeFrame,
+    OctreeSpec,
+    count_octree_from_points,
+    octree_from_points,
+)
 from tr_grasp.octree.morton import encode_cells
 
 UNIT = OctreeSpec(origin_m=(0.0, 0.0, 0.0), side_m=8.0, depth=3, leaf_capacity=16)
@@ -45,7 +51,7 @@ def as_dict(frame: OctreeFrame) -> dict[int, list[float]]:
     return dict(zip(frame.codes[:n].tolist(), frame.features[:n].tolist(), strict=True))
 
 
-@given(seed=st.integers(0, 10_000), n=st.integers(1, 400), depth=st.sampled_from([3, 4, 5]))
+@given(seed=st.integers(0, 10_000), n=st.integers(1, 400), depth=st.sampled_from([3, 4, 5, 6]))
 def test_a_frame_holds_what_the_definition_says(seed: int, n: int, depth: int) -> None:
     spec = OctreeSpec(SPEC.origin_m, SPEC.side_m, depth)
     cloud = random_cloud(seed, n, spec, spread=1.1)
@@ -119,9 +125,44 @@ def test_nothing_in_the_cube_gives_an_empty_frame(far: list[list[float]]) -> Non
 def test_a_full_frame_keeps_the_leaves_with_most_points_and_then_the_smaller_codes() -> None:
     spec = OctreeSpec(UNIT.origin_m, UNIT.side_m, depth=3, leaf_capacity=3)
     z = [0.5, 1.5, 1.5, 2.5, 3.5, 3.5, 3.5, 4.5]  # points in the leaves 0, 1, 8, 9 and 64: 1, 2, 1, 3 and 1
-    frame = octree_from_points([[0.5, 0.5, h] for h in z], [UP] * 8, [GREY] * 8, spec)
+    cloud = [[0.5, 0.5, h] for h in z], [UP] * 8, [GREY] * 8
+    frame, ignored_n, dropped_n = count_octree_from_points(*cloud, spec)
     assert frame.codes.tolist() == [0, 1, 9]
+    assert (ignored_n, dropped_n) == (0, 2)
     np.testing.assert_allclose(frame.features[:, 3], 0, atol=1e-3)
+    with pytest.warns(LeafOverflowWarning, match="leaf_capacity=3"):
+        assert torch.equal(octree_from_points(*cloud, spec).codes, frame.codes)
+
+
+def test_what_stays_of_a_full_frame_is_what_a_larger_one_holds_of_these_leaves() -> None:
+    cloud = random_cloud(11, 900)
+    small, large = (OctreeSpec(SPEC.origin_m, SPEC.side_m, leaf_capacity=n) for n in (100, 4096))
+    frame, _, dropped_n = count_octree_from_points(*cloud, small)
+    everything = as_dict(octree_from_points(*cloud, large))
+    assert len(everything) == 100 + dropped_n
+    assert all(everything[code] == features for code, features in as_dict(frame).items())
+
+
+def test_ignored_points_are_counted() -> None:
+    points = [[0.5, 0.5, 0.5], [9.0, 1, 1], [np.nan, 1, 1]]
+    built = count_octree_from_points(points, [UP] * 3, [GREY] * 3, UNIT)
+    assert built[1:] == (2, 0)
+
+
+def test_points_given_twice_count_once() -> None:
+    cloud = random_cloud(12)
+    twice = octree_from_points(*(np.concatenate([array, array]) for array in cloud), SPEC)
+    once = octree_from_points(*cloud, SPEC)
+    assert torch.equal(twice.codes, once.codes)
+    torch.testing.assert_close(twice.features, once.features, atol=1e-3, rtol=0)
+
+
+def test_every_leaf_of_the_deepest_cube_has_its_code() -> None:
+    spec = OctreeSpec((0.0, 0.0, 0.0), 64.0, depth=6, leaf_capacity=4)
+    points = [[0.5, 0.5, 0.5], [63.5, 63.5, 63.5], [32.5, 0.5, 0.5]]
+    frame = octree_from_points(points, [UP] * 3, [GREY] * 3, spec)
+    assert frame.codes.dtype == torch.int32
+    assert frame.codes.tolist() == [0, 4 << 15, 8**6 - 1, -1]
 
 
 def test_numpy_and_torch_of_any_float_type_agree() -> None:
@@ -131,6 +172,21 @@ def test_numpy_and_torch_of_any_float_type_agree() -> None:
     b = octree_from_points(*(torch.from_numpy(array) for array in single), SPEC)
     assert torch.equal(a.codes, b.codes)
     assert torch.equal(a.features, b.features)
+
+
+def test_half_precision_and_whole_numbers_are_read_too() -> None:
+    points, normals, colours = [[1, 2, 4], [1, 2, 5]], [[0, 0, 1]] * 2, [[1, 0, 0]] * 2
+    expected = octree_from_points(*(np.array(rows, float) for rows in (points, normals, colours)), UNIT)
+    for dtype in (torch.int64, torch.float16, torch.bfloat16):
+        frame = octree_from_points(*(torch.tensor(rows, dtype=dtype) for rows in (points, normals, colours)), UNIT)
+        assert torch.equal(frame.codes, expected.codes)
+        assert torch.equal(frame.features, expected.features)
+
+
+@pytest.mark.parametrize("points", [np.full((4, 3), "a"), np.ones((4, 3), complex), np.ones((4, 3), bool)])
+def test_what_is_no_number_is_refused(points: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="points must hold real numbers"):
+        octree_from_points(points, np.zeros((4, 3)), np.zeros((4, 3)), UNIT)
 
 
 def test_building_does_not_change_its_input() -> None:

@@ -33,7 +33,8 @@ def test_an_empty_frame_has_no_leaves() -> None:
 @pytest.mark.parametrize(
     ("change", "word"),
     [
-        ({"depth": 6}, "depth"),
+        ({"depth": 7}, "depth"),
+        ({"depth": 2}, "depth"),
         ({"side_m": 0.0}, "side_m"),
         ({"side_m": float("nan")}, "side_m"),
         ({"leaf_capacity": 0}, "leaf_capacity"),

@@ -15,11 +15,14 @@ from tr_grasp.octree import (
     OctreeDeconv,
     OctreeFrame,
     OctreePool,
+    octree_channel_pool,
     octree_conv,
     octree_deconv,
+    octree_global_pool,
     octree_join_children,
     octree_pool,
     octree_to_voxels,
+    octree_upsample,
 )
 from tr_grasp.octree import gather_conv as gather_conv_module
 from tr_grasp.octree.gather_conv import GatherConv, adjoint_table
@@ -141,6 +144,50 @@ def test_pooling_equals_the_dense_one_over_the_children_that_exist(node_set: str
 
 
 @pytest.mark.parametrize("node_set", NODE_SETS)
+@pytest.mark.parametrize("depth", [2, 3])
+def test_upsampling_equals_the_dense_one_at_the_nodes(node_set: str, depth: int) -> None:
+    octree = make_octree(node_set)
+    features = torch.randn(octree.level(depth).nodes_n, 3, dtype=torch.float64)
+
+    def dense(features: Tensor) -> Tensor:
+        return at_nodes(F.interpolate(octree_to_voxels(features, octree, depth), scale_factor=2), octree, depth + 1)
+
+    assert_same_values_and_gradients(lambda x: octree_upsample(x, octree, depth), dense, features)
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+@pytest.mark.parametrize("depth", [2, 4])
+def test_global_pooling_equals_a_loop_over_the_samples(node_set: str, depth: int) -> None:
+    octree = make_octree(node_set)
+    level = octree.level(depth)
+    features = torch.randn(level.nodes_n, 3, dtype=torch.float64)
+    for kind, reduce in {"max": lambda x: x.amax(0), "average": lambda x: x.mean(0)}.items():
+
+        def loop(features: Tensor, reduce: Callable = reduce) -> Tensor:
+            return torch.stack([reduce(features[level.samples == sample]) for sample in range(octree.batch_n)])
+
+        assert_same_values_and_gradients(lambda x, k=kind: octree_global_pool(x, octree, depth, k), loop, features)
+
+
+def test_pooling_over_channels_worked_by_hand() -> None:
+    features = torch.tensor([[1.0, 5.0, 3.0], [-2.0, -4.0, 0.0]])
+    assert octree_channel_pool(features).tolist() == [[5.0], [0.0]]
+    assert octree_channel_pool(features, "average").tolist() == [[3.0], [-2.0]]
+
+
+def test_equal_maxima_share_the_gradient_whatever_its_sign() -> None:
+    """``segment_reduce`` of torch 2.13 shares positive gradients only."""
+    codes = torch.full((2, 8), -1, dtype=torch.int16)
+    codes[:, :3] = torch.tensor([8, 9, 15])  # three children of one octant; in both samples
+    frames = OctreeFrame(codes=codes, features=torch.zeros(2, 8, 7, dtype=torch.float16), batch_size=[2])
+    octree = Octree(frames, SPEC.depth)
+    features = torch.tensor([[1.0], [1.0], [0.0], [2.0], [2.0], [2.0]], requires_grad=True)
+    for pool in (octree_pool, octree_global_pool):
+        (grad,) = torch.autograd.grad(pool(features, octree, 4), features, torch.tensor([[-1.0], [-3.0]]))
+        assert grad[:, 0].tolist() == [-0.5, -0.5, 0.0, -1.0, -1.0, -1.0]
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
 def test_joined_children_times_a_matrix_is_a_dense_convolution_of_kernel_and_stride_two(node_set: str) -> None:
     octree = make_octree(node_set)
     features = torch.randn(octree.level(4).nodes_n, 3, dtype=torch.float64)
@@ -206,9 +253,41 @@ def test_operators_pass_empty_octrees_through(node_set: str) -> None:
     assert octree_join_children(features, octree, 4).shape == (octree.level(3).nodes_n, 56)
     out = OctreePool()(OctreeConv(7, 4)(features, octree, 4), octree, 4)
     assert out.shape == (0, 4)
+    assert octree_upsample(out, octree, 3).shape == (0, 4)
+    assert torch.equal(octree_global_pool(out, octree, 3), torch.zeros(2, 4))
+    assert torch.equal(octree_global_pool(out, octree, 3, "average"), torch.zeros(2, 4))
     voxels = octree_to_voxels(octree_pool(out, octree, 3), octree, 2)
     assert torch.equal(voxels, torch.zeros(2, 4, 4, 4, 4))
     voxels.sum().backward()
+
+
+def all_operators(octree: Octree, features: Tensor) -> list[Tensor]:
+    torch.manual_seed(1)
+    weight = torch.randn(27, features.shape[1], 4)
+    down = octree_conv(features, weight, octree, 4, stride=2)
+    return [
+        octree_conv(features, weight, octree, 4),
+        down,
+        octree_deconv(down, torch.randn(27, 4, 4), octree, 3),
+        octree_pool(features, octree, 4),
+        octree_pool(features, octree, 4, "average"),
+        octree_upsample(down, octree, 3),
+        octree_join_children(features, octree, 4),
+    ]
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+def test_a_batch_of_four_is_four_batches_of_one(node_set: str) -> None:
+    frames = random_frames(4)
+    frames.codes[2] = -1  # one of them sees nothing
+    together = Octree(frames, SPEC.depth, node_set)
+    alone = [Octree(frames[i : i + 1], SPEC.depth, node_set) for i in range(4)]
+    merged = all_operators(together, together.node_features())
+    single = [all_operators(octree, octree.node_features()) for octree in alone]
+    for whole, parts in zip(merged, zip(*single, strict=True), strict=True):
+        torch.testing.assert_close(whole, torch.cat(parts), rtol=1e-4, atol=1e-4)
+    pooled = [octree_global_pool(o.node_features(), o, 4) for o in (together, *alone)]
+    assert torch.equal(pooled[0], torch.cat(pooled[1:]))
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
@@ -237,5 +316,21 @@ def test_other_kernels_and_strides_are_refused(taps: int, stride: int) -> None:
 
 def test_an_unknown_pooling_is_refused() -> None:
     octree = make_octree("occupied")
+    features = octree.node_features()
+    for pool in (octree_pool, octree_global_pool):
+        with pytest.raises(ConfigError, match="average"):
+            pool(features, octree, 4, "mean")  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="average"):
-        octree_pool(octree.node_features(), octree, 4, "mean")  # type: ignore[arg-type]
+        octree_channel_pool(features, "mean")  # type: ignore[arg-type]
+
+
+def test_features_of_another_depth_or_width_are_refused() -> None:
+    octree = make_octree("occupied")
+    features = octree.node_features()
+    for operator in (octree_pool, octree_upsample, octree_global_pool, octree_to_voxels, octree_join_children):
+        with pytest.raises(ValueError, match="nodes of depth 3"):
+            operator(features, octree, 3)
+    with pytest.raises(ValueError, match="nodes of depth 3"):
+        octree_conv(features, torch.zeros(27, 7, 1), octree, 3)
+    with pytest.raises(ConfigError, match=r"\(n, 4\) for this weight"):
+        octree_conv(features, torch.zeros(27, 4, 1), octree, 4)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def expected_nodes(frames: OctreeFrame, leaf_depth: int, depth: int, node_set: s
 
 
 @pytest.mark.parametrize("node_set", ["occupied", "siblings"])
-@pytest.mark.parametrize("leaf_depth", [3, 4, 5])
+@pytest.mark.parametrize("leaf_depth", [3, 4, 5, 6])
 def test_levels_hold_the_nodes_of_the_definition(leaf_depth: int, node_set: str) -> None:
     spec = OctreeSpec(SPEC.origin_m, SPEC.side_m, leaf_depth)
     frames = random_frames(3, n=60, spec=spec)
@@ -144,3 +145,19 @@ def test_unknown_node_set_and_wrong_batch_are_refused() -> None:
         Octree(frames, SPEC.depth, "ocupied")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"\(B,\)"):
         Octree(frames.reshape(2, 2), SPEC.depth)
+
+
+@pytest.mark.parametrize("backend", ["sparse", "dense"])
+def test_tensors_that_do_not_belong_together_are_refused(backend: str) -> None:
+    frames = random_frames(2)
+    codes, features = frames.codes, frames.features
+    for wrong_codes, wrong_features, words in (
+        (codes, features[:, :5], "codes' shape"),
+        (codes, features[0], "codes' shape"),
+        (codes.float(), features, "must be integers"),
+        (codes, features.to("meta"), "one device"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            Octree(SimpleNamespace(codes=wrong_codes, features=wrong_features), 4, backend=backend)
+    with pytest.raises(ValueError, match="of another depth"):
+        Octree(frames, 3, backend=backend)

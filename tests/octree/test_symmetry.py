@@ -11,10 +11,13 @@ from torch import Tensor
 
 from tests.octree.clouds import SPEC, random_cloud, random_frames
 from tr_grasp.octree import (
+    Octree,
     OctreeFrame,
     OctreeSpec,
     augment,
+    octree_conv,
     octree_from_points,
+    octree_to_voxels,
     turn_action,
     turn_frames,
     turn_proprio,
@@ -64,7 +67,7 @@ def test_frames_proprioception_and_actions_obey_the_composition_table() -> None:
     assert torch.equal(once[2], twice[2])
 
 
-@given(seed=st.integers(0, 1000), element=st.integers(0, 7), depth=st.sampled_from([3, 4, 5]))
+@given(seed=st.integers(0, 1000), element=st.integers(0, 7), depth=st.sampled_from([3, 4, 5, 6]))
 def test_turning_the_frame_is_building_from_turned_points(seed: int, element: int, depth: int) -> None:
     spec = OctreeSpec(SPEC.origin_m, SPEC.side_m, depth)
     cloud = random_cloud(seed, 200, spec)
@@ -158,6 +161,27 @@ def test_every_sample_of_a_stack_is_turned_by_its_own_element() -> None:
         assert torch.equal(turned_proprio[sample], turn_proprio(element, proprio[sample], SPEC))
 
 
+@pytest.mark.parametrize("element", range(ELEMENTS_N))
+def test_convolving_then_turning_is_turning_then_convolving_with_a_turned_kernel(element: int) -> None:
+    frames = random_frames(2)
+    turned = turn_frames(torch.tensor([element, element]), frames, SPEC)
+    before, after = Octree(frames, SPEC.depth), Octree(turned, SPEC.depth)
+    weight = torch.randn(27, 1, 2)
+    steps = torch.cartesian_prod(*[torch.arange(-1, 2)] * 3)
+    matrix = torch.eye(3, dtype=torch.int64)
+    matrix[:2, :2] = rotations(torch.tensor(element)).long()
+    reads = (steps @ matrix.T + 1) @ torch.tensor([9, 3, 1])  # the tap to which each tap goes
+    turned_weight = torch.empty_like(weight).index_copy(0, reads, weight)
+    # The distance of a leaf stays while it moves, so it serves as a feature that must not be turned itself.
+    a = octree_conv(before.leaf_features()[:, 3:4], weight, before, 4)
+    b = octree_conv(after.leaf_features()[:, 3:4], turned_weight, after, 4)
+    centred = before.leaves.cells * 2 - (SPEC.cells_n - 1)
+    moved = (centred @ matrix.T + SPEC.cells_n - 1) // 2
+    x, y, z = moved.unbind(1)
+    grid = octree_to_voxels(b, after, 4)
+    torch.testing.assert_close(a, grid[before.leaves.samples, :, x, y, z])
+
+
 def test_turning_leaves_its_input_alone() -> None:
     frames, proprio, action = random_frames(2), random_proprio(2), torch.rand(2, 5)
     copies = frames.clone(), proprio.clone(), action.clone()
@@ -174,7 +198,7 @@ def test_random_elements_come_from_the_generator_and_cover_the_group() -> None:
     assert a.unique().tolist() == list(range(8))
 
 
-@pytest.mark.parametrize("depth", [3, 4, 5])
+@pytest.mark.parametrize("depth", [3, 4, 5, 6])
 def test_every_element_permutes_the_leaves(depth: int) -> None:
     spec = OctreeSpec(SPEC.origin_m, SPEC.side_m, depth, leaf_capacity=8**depth)
     frames = OctreeFrame.unoccupied(spec, (8,))

@@ -134,7 +134,7 @@ class ObservationCfg:
     """Add the scripted expert's action (for imitation while training; never at run time)."""
 
     def __post_init__(self) -> None:
-        _require(3 <= self.depth <= 5, f"observation.depth must be 3..5, got {self.depth}")
+        _require(3 <= self.depth <= 6, f"observation.depth must be 3..6, got {self.depth}")
         _require(self.leaf_capacity >= 16, f"observation.leaf_capacity must be at least 16, got {self.leaf_capacity}")
         _require(1 <= self.stack_n <= 8, f"observation.stack_n must be 1..8, got {self.stack_n}")
 

@@ -12,6 +12,7 @@ from torchrl.envs import EnvBase
 
 from tr_grasp import keys
 from tr_grasp.envs.grasp_novel_objects import GraspNovelObjectsEnv
+from tr_grasp.envs.sensor import octree_spec
 from tr_grasp.octree import OctreeFrame
 
 
@@ -36,10 +37,10 @@ class TorchRLGraspEnv(EnvBase):
 
     def _make_specs(self) -> None:
         o = self.task.cfg.observation
-        channels = 7 if o.colour else 4
+        spec = octree_spec(self.task.cfg)
         octree = Composite(
-            codes=Unbounded((o.stack_n, o.leaf_capacity), dtype=torch.int16),
-            features=Unbounded((o.stack_n, o.leaf_capacity, channels), dtype=torch.float16),
+            codes=Unbounded((o.stack_n, spec.leaf_capacity), dtype=spec.code_dtype),
+            features=Unbounded((o.stack_n, spec.leaf_capacity, spec.channels), dtype=torch.float16),
             data_cls=OctreeFrame,
             shape=(o.stack_n,),
         )

@@ -21,7 +21,8 @@ class OctreeFrame(TensorClass["nocast"]):
     """
 
     codes: Tensor
-    """int16 ``(*batch, leaf_capacity)``: Morton codes, ascending when built from points; -1 is padding."""
+    """int16 (int32 at depth 6) ``(*batch, leaf_capacity)``: Morton codes, ascending when built from points; -1 is
+    padding."""
 
     features: Tensor
     """float16 ``(*batch, leaf_capacity, channels)``: mean normal (unit, base frame), signed distance of the mean
@@ -32,7 +33,7 @@ class OctreeFrame(TensorClass["nocast"]):
         """Frames without a single leaf."""
         shape = (*batch_size, spec.leaf_capacity)
         return cls(
-            codes=torch.full(shape, PADDING, dtype=torch.int16),
+            codes=torch.full(shape, PADDING, dtype=spec.code_dtype),
             features=torch.zeros(*shape, spec.channels, dtype=torch.float16),
             batch_size=list(batch_size),
         )

@@ -7,6 +7,7 @@ octant are consecutive.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -25,7 +26,7 @@ def encode_cells(cells: NDArray[np.integer], depth: int) -> NDArray[np.int64]:
 
 
 def code_of_cells(cells: NDArray[np.float64], depth: int) -> NDArray[np.int64]:
-    """Morton codes ``(n,)`` of cells ``(3, n)``, whole numbers stored as floats; by a table, for depths up to 5."""
+    """Morton codes ``(n,)`` of cells ``(3, n)``, whole numbers stored as floats; by a table."""
     side = 2.0**depth
     return _code_table(depth).take((np.array([side * side, side, 1.0]) @ cells).astype(np.intp))
 
@@ -38,19 +39,39 @@ def _code_table(depth: int) -> NDArray[np.int64]:
 
 
 @cache
-def cell_table(depth: int, device: torch.device) -> Tensor:
-    """Table ``(8**depth, 3)`` int64: cell coordinates of every Morton code."""
-    code = np.arange(8**depth)
-    cells = np.zeros((8**depth, 3), np.int64)
-    for bit in range(depth):
-        for axis, shift in enumerate((2, 1, 0)):
-            cells[:, axis] |= (code >> (3 * bit + shift) & 1) << bit
-    return torch.from_numpy(cells).to(device)
+def _cell_table(depth: int) -> NDArray[np.int64]:
+    """Cell of every code."""
+    return np.stack(np.unravel_index(_code_table(depth).argsort(), [2**depth] * 3), axis=-1)
 
 
 @cache
+def _raster_table(depth: int, pad: int) -> NDArray[np.int64]:
+    """Index of every code in a padded row-major grid."""
+    side = 2**depth + 2 * pad
+    return (_cell_table(depth) + pad) @ np.array([side * side, side, 1])
+
+
+def cell_table(depth: int, device: torch.device) -> Tensor:
+    """Table ``(8**depth, 3)`` int64: cell coordinates of every Morton code."""
+    return _on_device(_cell_table, (depth,), device)
+
+
+def raster_order(depth: int, device: torch.device) -> Tensor:
+    """Table ``(8**depth,)`` int64: the code of every cell in row-major order."""
+    return _on_device(_code_table, (depth,), device)
+
+
 def raster_table(depth: int, pad: int, device: torch.device) -> Tensor:
     """Table ``(8**depth,)`` int64: row-major index of every code in a grid padded by ``pad`` cells on each side."""
-    side = 2**depth + 2 * pad
-    x, y, z = (cell_table(depth, device) + pad).unbind(1)
-    return (x * side + y) * side + z
+    return _on_device(_raster_table, (depth, pad), device)
+
+
+def _on_device(make: Callable[..., NDArray[np.int64]], sizes: tuple[int, ...], device: torch.device) -> Tensor:
+    # What is made while a graph is traced has no values, and must not be kept for those who run it.
+    keep = _make_on_device.__wrapped__ if torch.compiler.is_compiling() else _make_on_device
+    return keep(make, sizes, device)
+
+
+@cache
+def _make_on_device(make: Callable[..., NDArray[np.int64]], sizes: tuple[int, ...], device: torch.device) -> Tensor:
+    return torch.from_numpy(make(*sizes)).to(device)

@@ -1,22 +1,21 @@
-"""Convolution, pooling and voxels on the nodes of an ``Octree``.
+"""Convolution, pooling, upsampling and voxels on the nodes of an ``Octree``.
 
 Features are ``(nodes, channels)``, rows in the order of ``octree.level(depth)``. A convolution equals the dense one on
 the full grid with zeros where there is no node, read off at the nodes. Across depths only nodes that have children take
 part, as in O-CNN: the others get zeros from below and give nothing to it.
+
+All raise ``ValueError`` if the features do not have a row for each node of their depth.
 """
 
 from __future__ import annotations
-
-from typing import Literal
 
 import torch
 from torch import Tensor
 
 from tr_grasp.errors import ConfigError, unknown_name
-from tr_grasp.octree.gather_conv import GatherConv
-from tr_grasp.octree.structure import Octree
+from tr_grasp.octree.structure import Octree, Pool
 
-POOLS = {"max": "max", "average": "mean"}
+POOLS = ("max", "average")
 
 
 def octree_conv(features: Tensor, weight: Tensor, octree: Octree, depth: int, stride: int = 1) -> Tensor:
@@ -34,15 +33,11 @@ def octree_conv(features: Tensor, weight: Tensor, octree: Octree, depth: int, st
         ``(m, out)`` at ``depth``, or at ``depth - 1`` if the stride is 2.
 
     Raises:
-        ConfigError: For another number of taps, or another stride.
+        ConfigError: For another number of taps or of channels, or another stride.
     """
-    _check_kernel(weight, stride, strides=(1, 2))
-    features, weight = _autocast(features, weight)
-    if stride == 2:
-        return GatherConv.apply(features, weight, *octree.strided_tables(depth, len(weight)))
-    if len(weight) == 1:
-        return features @ weight[0]
-    return GatherConv.apply(features, weight, octree.level(depth).neighbours, None)
+    _check_kernel(features, weight, stride, strides=(1, 2))
+    _check_rows(features, octree, depth)
+    return octree.conv(*_autocast(features, weight), depth, stride)
 
 
 def octree_deconv(features: Tensor, weight: Tensor, octree: Octree, depth: int) -> Tensor:
@@ -59,15 +54,14 @@ def octree_deconv(features: Tensor, weight: Tensor, octree: Octree, depth: int) 
         ``(m, out)`` at ``depth + 1``.
 
     Raises:
-        ConfigError: For another number of taps.
+        ConfigError: For another number of taps or of channels.
     """
-    _check_kernel(weight, stride=2, strides=(2,))
-    features, weight = _autocast(features, weight)
-    table, adjoint = octree.strided_tables(depth + 1, len(weight))
-    return GatherConv.apply(features, weight, adjoint, table)
+    _check_kernel(features, weight, stride=2, strides=(2,))
+    _check_rows(features, octree, depth)
+    return octree.deconv(*_autocast(features, weight), depth)
 
 
-def octree_pool(features: Tensor, octree: Octree, depth: int, kind: Literal["max", "average"] = "max") -> Tensor:
+def octree_pool(features: Tensor, octree: Octree, depth: int, kind: Pool = "max") -> Tensor:
     """Reduce the children of each node: ``(n, channels)`` at ``depth`` to ``(m, channels)`` at ``depth - 1``.
 
     Children that are not nodes do not count; a node without any gets 0. Equal maxima share the gradient.
@@ -75,20 +69,44 @@ def octree_pool(features: Tensor, octree: Octree, depth: int, kind: Literal["max
     Raises:
         ConfigError: For another kind.
     """
-    if kind not in POOLS:
-        raise ConfigError(unknown_name("pooling", kind, POOLS))
-    children_n = octree.children_n(depth - 1)
-    pooled = torch.segment_reduce(features, POOLS[kind], lengths=children_n, unsafe=True)
-    return pooled.masked_fill((children_n == 0)[:, None], 0)
+    _check_pool(kind)
+    _check_rows(features, octree, depth)
+    return octree.pool(features, depth, kind)
+
+
+def octree_upsample(features: Tensor, octree: Octree, depth: int) -> Tensor:
+    """Give each node its parent's features: ``(n, channels)`` at ``depth`` to ``(m, channels)`` at ``depth + 1``."""
+    _check_rows(features, octree, depth)
+    return octree.upsample(features, depth)
+
+
+def octree_channel_pool(features: Tensor, kind: Pool = "max") -> Tensor:
+    """Largest or mean channel of each node: ``(n, channels)`` to ``(n, 1)``, as spatial attention reads them.
+
+    Raises:
+        ConfigError: For another kind.
+    """
+    _check_pool(kind)
+    return features.amax(1, keepdim=True) if kind == "max" else features.mean(1, keepdim=True)
+
+
+def octree_global_pool(features: Tensor, octree: Octree, depth: int, kind: Pool = "max") -> Tensor:
+    """Reduce all nodes of each sample: ``(n, channels)`` at ``depth`` to ``(batch, channels)``.
+
+    A sample without a node gets 0. Equal maxima share the gradient.
+
+    Raises:
+        ConfigError: For another kind.
+    """
+    _check_pool(kind)
+    _check_rows(features, octree, depth)
+    return octree.level(depth).pool(features, kind)
 
 
 def octree_to_voxels(features: Tensor, octree: Octree, depth: int) -> Tensor:
     """``(n, channels)`` at ``depth`` as a grid ``(batch, channels, x, y, z)``, zero where there is no node."""
-    level = octree.level(depth)
-    side = 2**depth
-    grid = features.new_zeros(octree.batch_n * level.octants_n, features.shape[1])
-    grid = grid.index_copy(0, level.raster, features)
-    return grid.view(octree.batch_n, side, side, side, -1).permute(0, 4, 1, 2, 3)
+    _check_rows(features, octree, depth)
+    return octree.to_voxels(features, depth)
 
 
 def octree_join_children(features: Tensor, octree: Octree, depth: int) -> Tensor:
@@ -97,10 +115,8 @@ def octree_join_children(features: Tensor, octree: Octree, depth: int) -> Tensor
     Children are in the order of their octants, zeros where there is none. With a linear layer this is a convolution
     with kernel and stride 2.
     """
-    parents_n = octree.level(depth - 1).nodes_n
-    channels = features.shape[1]
-    joined = features.new_zeros(parents_n * 8, channels)
-    return joined.index_copy(0, octree.child_slots(depth), features).view(parents_n, 8 * channels)
+    _check_rows(features, octree, depth)
+    return octree.join_children(features, depth)
 
 
 def _autocast(features: Tensor, weight: Tensor) -> tuple[Tensor, Tensor]:
@@ -112,8 +128,21 @@ def _autocast(features: Tensor, weight: Tensor) -> tuple[Tensor, Tensor]:
     return features.to(dtype), weight.to(dtype)
 
 
-def _check_kernel(weight: Tensor, stride: int, strides: tuple[int, ...]) -> None:
+def _check_kernel(features: Tensor, weight: Tensor, stride: int, strides: tuple[int, ...]) -> None:
     if len(weight) not in (1, 27):
         raise ConfigError(f"weight must have 1 or 27 taps (kernel 1 or 3), got {len(weight)}.")
+    if features.ndim != 2 or features.shape[1] != weight.shape[1]:
+        raise ConfigError(f"features must be (n, {weight.shape[1]}) for this weight, got {tuple(features.shape)}.")
     if stride not in strides:
         raise ConfigError(f"stride must be 1 or 2, got {stride}.")
+
+
+def _check_rows(features: Tensor, octree: Octree, depth: int) -> None:
+    rows_n = octree.level(depth).nodes_n
+    if features.shape[0] != rows_n:
+        raise ValueError(f"features must have a row for each of {rows_n} nodes of depth {depth}, got {len(features)}.")
+
+
+def _check_pool(kind: str) -> None:
+    if kind not in POOLS:
+        raise ConfigError(unknown_name("pooling", kind, POOLS))

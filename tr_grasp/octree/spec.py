@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import torch
+
 from tr_grasp.errors import ConfigError
 
 GEOMETRY_CHANNELS = 4
@@ -15,6 +17,14 @@ COLOUR_CHANNELS = 3
 
 HALF_DIAGONAL = math.sqrt(3) / 2
 """Of a leaf, in units of its edge: the unit of the signed distance."""
+
+DEPTHS = (3, 4, 5, 6)
+"""Depths that leaves may have."""
+
+
+def code_dtype(depth: int) -> torch.dtype:
+    """The smallest integer type that holds every Morton code of a depth, and -1 for padding."""
+    return torch.int16 if 8**depth <= torch.iinfo(torch.int16).max + 1 else torch.int32
 
 
 @dataclass(frozen=True)
@@ -28,7 +38,7 @@ class OctreeSpec:
     """Edge of the cube."""
 
     depth: int = 4
-    """A leaf is ``side_m / 2**depth`` wide; 3, 4 or 5, so that a Morton code fits into int16."""
+    """A leaf is ``side_m / 2**depth`` wide; 3 to 6. Morton codes are int16, and int32 at depth 6."""
 
     leaf_capacity: int = 512
     """Leaves that a frame can hold."""
@@ -41,8 +51,8 @@ class OctreeSpec:
             raise ConfigError(f"octree origin_m must have 3 coordinates, got {self.origin_m}.")
         if not self.side_m > 0:
             raise ConfigError(f"octree side_m must be positive, got {self.side_m}.")
-        if self.depth not in (3, 4, 5):
-            raise ConfigError(f"octree depth must be 3, 4 or 5, got {self.depth}.")
+        if self.depth not in DEPTHS:
+            raise ConfigError(f"octree depth must be 3, 4, 5 or 6, got {self.depth}.")
         if self.leaf_capacity < 1:
             raise ConfigError(f"octree leaf_capacity must be at least 1, got {self.leaf_capacity}.")
 
@@ -50,6 +60,11 @@ class OctreeSpec:
     def channels(self) -> int:
         """Features of a leaf: 7 with colour, 4 without."""
         return GEOMETRY_CHANNELS + (COLOUR_CHANNELS if self.colour else 0)
+
+    @property
+    def code_dtype(self) -> torch.dtype:
+        """int16, or int32 at depth 6."""
+        return code_dtype(self.depth)
 
     @property
     def cells_n(self) -> int:

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from tr_grasp.octree.frame import PADDING, OctreeFrame
 from tr_grasp.octree.morton import cell_table, raster_table
-from tr_grasp.octree.spec import OctreeSpec
+from tr_grasp.octree.spec import OctreeSpec, code_dtype
 
 ELEMENTS_N = 8
 IDENTITY = 0
@@ -125,7 +125,7 @@ def _rotation_table(device: torch.device) -> Tensor:
 
 @cache
 def _code_table(depth: int, device: torch.device) -> Tensor:
-    """int16 ``(8, 1 + 8**depth)``: where each element takes each code; column 0 keeps padding as it is."""
+    """``(8, 1 + 8**depth)``, codes: where each element takes each code; column 0 keeps padding as it is."""
     cells = cell_table(depth, torch.device("cpu"))
     # Twice the distance from the centre is an integer: no rounding.
     centred = (2 * cells[:, :2] - (2**depth - 1)).float()
@@ -136,4 +136,4 @@ def _code_table(depth: int, device: torch.device) -> Tensor:
         x, y = ((centred @ matrix.T + (2**depth - 1)) / 2).long().unbind(1)
         rows.append(code_of_raster[(x * 2**depth + y) * 2**depth + cells[:, 2]])
     table = torch.cat([torch.full((ELEMENTS_N, 1), PADDING), torch.stack(rows)], dim=1)
-    return table.to(torch.int16).to(device)
+    return table.to(code_dtype(depth)).to(device)

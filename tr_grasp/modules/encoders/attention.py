@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-from tr_grasp.octree import Octree, OctreeConv, OctreeLevel
+from tr_grasp.octree import Octree, OctreeConv
 
 
 class OctreeAttention(nn.Module):
@@ -34,8 +34,7 @@ class OctreeAttention(nn.Module):
     def forward(self, x: Tensor, octree: Octree, depth: int) -> Tensor:
         """``(n, channels)`` at ``depth``, weighted."""
         level = octree.level(depth)
-        largest, mean = pool_samples(x, level)
-        pooled = self.channel_conv(torch.cat([largest, mean])[:, None])
+        pooled = self.channel_conv(torch.cat([level.pool(x, "max"), level.pool(x, "average")])[:, None])
         channel_weights = torch.sigmoid(pooled[: level.batch_n, 0] + pooled[level.batch_n :, 0])
         x = x * channel_weights.to(x.dtype).index_select(0, level.samples)
         summary = torch.stack([x.amax(1), x.mean(1)], dim=1)
@@ -49,15 +48,3 @@ def channel_kernel(channels: int) -> int:
     """
     kernel = int((math.log2(channels) + 1) / 2)
     return kernel if kernel % 2 else kernel + 1
-
-
-def pool_samples(x: Tensor, level: OctreeLevel) -> tuple[Tensor, Tensor]:
-    """Largest and mean of each channel over a sample's nodes: ``(n, channels)`` to twice ``(B, channels)``.
-
-    A sample without nodes gets zeros. Equal maxima share the gradient.
-    """
-    borders = torch.arange(level.batch_n + 1, device=x.device) * level.octants_n
-    nodes_n = torch.searchsorted(level.keys, borders).diff()
-    pooled = [torch.segment_reduce(x, kind, lengths=nodes_n, unsafe=True) for kind in ("max", "mean")]
-    largest, mean = (values.masked_fill((nodes_n == 0)[:, None], 0) for values in pooled)
-    return largest, mean

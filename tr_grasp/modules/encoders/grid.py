@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from tr_grasp.errors import ConfigError, unknown_name
 from tr_grasp.modules.encoders.frames import merge_frames
 from tr_grasp.modules.encoders.norm import Norm, norm_layer
-from tr_grasp.octree import NodeSet, Octree, OctreeFrame, OctreeSpec, octree_to_voxels
+from tr_grasp.octree import Backend, NodeSet, Octree, OctreeFrame, OctreeSpec, octree_to_voxels
 from tr_grasp.octree.structure import FULL_DEPTH, NODE_SETS
 
 PROPRIO_N = 10
@@ -37,6 +37,7 @@ class GridOCNN(nn.Module):
 
     voxel_channels = 16
     octree_features_n = 160
+    backend: Backend = "sparse"
 
     def __init__(self, spec: OctreeSpec, node_set: NodeSet, norm: Norm, norm_momentum: float, proprio: bool) -> None:
         super().__init__()
@@ -61,7 +62,7 @@ class GridOCNN(nn.Module):
 
     def forward(self, frames: OctreeFrame, proprio: Tensor) -> Tensor:
         """Features ``(B, features_n)`` of frames with batch size ``(B,)`` and proprioception ``(B, 10)``."""
-        octree = merge_frames(frames, self.spec, self.node_set)
+        octree = merge_frames(frames, self.spec, self.node_set, self.backend)
         x = self._trunk(octree.node_features(proprio.dtype), octree)
         voxels = octree_to_voxels(x, octree, FULL_DEPTH).permute(0, 2, 3, 4, 1)
         x = self.squeeze_norm(self.squeeze(voxels).flatten(0, 3)).relu()

@@ -9,7 +9,7 @@ from tr_grasp.errors import ConfigError
 from tr_grasp.modules.encoders.frames import merge_frames
 from tr_grasp.modules.encoders.readout import MaxReadout, SpatialReadout
 from tr_grasp.modules.encoders.tool_frame import TOOL_FEATURES_N, ToolPose, tool_pose
-from tr_grasp.octree import Octree, OctreeConv, OctreeFrame, OctreeSpec, octree_join_children
+from tr_grasp.octree import Backend, Octree, OctreeConv, OctreeFrame, OctreeSpec, octree_join_children
 
 OFFSET_SCALE = 2.0
 """Offsets from the tcp are numbers this much larger than positions in the cube."""
@@ -48,6 +48,7 @@ class LocalisingOCNN(nn.Module):
     hidden_n = 48
     values_n = 16
     head_hidden_n = 192
+    backend: Backend = "sparse"
 
     def __init__(
         self,
@@ -98,7 +99,7 @@ class LocalisingOCNN(nn.Module):
 
     def forward(self, frames: OctreeFrame, proprio: Tensor) -> Tensor:
         """Features ``(B, features_n)`` of frames with batch size ``(B,)`` and proprioception ``(B, 10)``."""
-        octree = merge_frames(frames, self.spec)
+        octree = merge_frames(frames, self.spec, backend=self.backend)
         tool = tool_pose(proprio, self.spec)
         level = octree.level(self.spec.depth - 1)
         leaves, positions = self._leaves(octree, tool)

@@ -32,7 +32,7 @@ class NodeBatchNorm(nn.BatchNorm1d):
 
     def forward(self, input: Tensor) -> Tensor:
         """Normalised features, same shape."""
-        if len(input) > 1:
+        if input.shape[0] > 1:  # len() would fix the batch size of an exported network
             return super().forward(input)
         return F.batch_norm(input, self.running_mean, self.running_var, self.weight, self.bias, eps=self.eps)
 

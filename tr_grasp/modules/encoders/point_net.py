@@ -7,11 +7,10 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from tr_grasp.modules.encoders.attention import pool_samples
 from tr_grasp.modules.encoders.frames import merge_frames
 from tr_grasp.modules.encoders.norm import MOMENTUM, Norm, norm_layer
 from tr_grasp.modules.encoders.tool_frame import TOOL_FEATURES_N, tool_pose
-from tr_grasp.octree import OctreeFrame, OctreeSpec
+from tr_grasp.octree import Backend, OctreeFrame, OctreeSpec
 
 
 class PointNet(nn.Module):
@@ -30,6 +29,7 @@ class PointNet(nn.Module):
 
     point_widths = (64, 64, 128)
     head_hidden_n = 256
+    backend: Backend = "sparse"
 
     def __init__(
         self, spec: OctreeSpec, features_n: int = 128, norm: Norm = "none", norm_momentum: float = MOMENTUM
@@ -52,7 +52,7 @@ class PointNet(nn.Module):
 
     def forward(self, frames: OctreeFrame, proprio: Tensor) -> Tensor:
         """Features ``(B, features_n)`` of frames with batch size ``(B,)`` and proprioception ``(B, 10)``."""
-        octree = merge_frames(frames, self.spec)
+        octree = merge_frames(frames, self.spec, backend=self.backend)
         points = self.describe(torch.cat([octree.leaf_points(), octree.leaf_features()], dim=1))
-        largest, _ = pool_samples(points, octree.leaves)
+        largest = octree.leaves.pool(points)
         return self.head(torch.cat([largest, tool_pose(proprio, self.spec).features], dim=1))

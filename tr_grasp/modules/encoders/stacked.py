@@ -39,6 +39,6 @@ class StackedEncoder(nn.Module):
         if batch[1:] != (self.stack_n,):
             raise ValueError(f"frames must have batch size (B, {self.stack_n}), got {batch}.")
         if self.shared:
-            return self.encoders[0](frames.flatten(0, 1), proprio.flatten(0, 1)).view(len(proprio), -1)
+            return self.encoders[0](frames.flatten(0, 1), proprio.flatten(0, 1)).view(proprio.shape[0], -1)
         features = [encoder(frames[:, t], proprio[:, t]) for t, encoder in enumerate(self.encoders)]
         return torch.cat(features, dim=1)
