@@ -56,6 +56,7 @@ def random_batch(batch_n: int, stack_n: int) -> TensorDict:
             **observation(),
             "action": torch.rand(batch_n, ACTION_N) * 2 - 1,
             "expert_action": torch.rand(batch_n, ACTION_N) * 2 - 1,
+            "expert_target": torch.rand(batch_n, 6),
             "imitation_weight": torch.ones(batch_n),
             "next": observation() | step,
         },
