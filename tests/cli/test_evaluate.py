@@ -41,7 +41,10 @@ def test_an_evaluation_tells_its_result_and_where_it_is(tmp_path: Path, capsys: 
         (["scripted", "--episodes", "0"], "episodes must be at least 1, got 0"),
         (["scripted", "--workers", "0"], "--workers must be at least 1, got 0"),
         (["scripted", "--replays", "-1"], "--replays must not be negative, got -1"),
-        (["scripted", "--objects", "tset"], "objects must be test, train or a folder of meshes; 'tset' is none"),
+        (
+            ["scripted", "--objects", "tset"],
+            "objects must be test, train, a folder of meshes or the name of one; 'tset' is none",
+        ),
         (["scirpted"], "unknown policy 'scirpted'; did you mean 'scripted'?"),
         ([], "POLICY"),
     ],

@@ -106,7 +106,7 @@ def test_a_slip_in_the_parent_names_the_parent(folder: Path) -> None:
         (
             "extends: grap",
             "x.yaml: extends: unknown preset 'grap'; did you mean 'grasp'? "
-            "Valid: dagger, demonstrations, grasp, smoke, thesis, vanilla. A path to a YAML file works too.",
+            "Valid: dagger, demonstrations, grasp, smoke, thesis, ur5_rg2, vanilla. A path to a YAML file works too.",
         ),
     ],
 )

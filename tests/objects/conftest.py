@@ -35,8 +35,8 @@ def write_object() -> Callable[..., Path]:
     """Write a good object folder: an L of two boxes, red unless said otherwise."""
 
     def write(folder: Path, scale: float = 1.0, colour: tuple[int, int, int] = (255, 0, 0)) -> Path:
-        size, offset = 0.05 * scale, 0.04 * scale
-        parts = [shapes.box((size, size, 0.02 * scale)), shapes.box((0.02 * scale, size, size), (offset, 0.0, offset))]
+        size, offset = 0.05 * scale, (0.02 * scale, 0.0, 0.035 * scale)
+        parts = [shapes.box((size, size, 0.02 * scale)), shapes.box((0.02 * scale, size, size), offset)]
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "collision.obj").write_text(obj_text(parts))
         visual = trimesh.util.concatenate(parts)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import trimesh
 
 from tr_grasp.errors import MeshError
 from tr_grasp.objects import FAMILIES, ObjectModel, object_set, shapes
+from tr_grasp.objects.layouts import sub_folders
 from tr_grasp.objects.model import distance_outside
 
 pytestmark = pytest.mark.sim
@@ -148,10 +150,22 @@ def test_a_part_that_physics_refuses_is_named(actors):
         actors.rigid_body(model, mass_kg=0.1, friction=1.0)
 
 
-@pytest.mark.skipif("TR_GRASP_OBJECTS" not in os.environ, reason="TR_GRASP_OBJECTS names no folder of meshes")
+def test_physics_turns_an_object_of_another_size_as_uniform_density_asks(actors):
+    model = FAMILIES["hammer"].sample("train", np.random.default_rng(0)).scaled(1.3)
+    body = actors.rigid_body(model, mass_kg=0.2, friction=1.0)
+    expected = np.linalg.eigvalsh(model.inertia_kgm2(0.2))
+    np.testing.assert_allclose(np.sort(body.inertia), expected, rtol=1e-3)
+
+
+def users_sets() -> list[str]:
+    root = os.environ.get("TR_GRASP_OBJECTS")
+    return [path.name for path in sub_folders(Path(root))] if root else []
+
+
 @pytest.mark.parametrize("split", ["train", "test"])
-def test_every_object_of_the_users_folder_can_be_simulated(actors, split):
-    objects = object_set(os.environ["TR_GRASP_OBJECTS"], split)
+@pytest.mark.parametrize("name", users_sets())
+def test_every_object_of_the_users_sets_can_be_simulated(actors, name, split):
+    objects = object_set(name, split, overlap="leave_out")
     rng = np.random.default_rng(0)
     for _ in range(2 * len(objects.names)):
         model = objects.sample(rng)

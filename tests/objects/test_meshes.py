@@ -9,8 +9,12 @@ import trimesh
 
 from tr_grasp.errors import MeshError, MissingSystemLibraryError
 from tr_grasp.objects import shapes
-from tr_grasp.objects.meshes import GREY, VISUAL_FACES_MAX, load_object, load_parts, load_visual
-from tr_grasp.objects.obj_groups import read_groups
+from tr_grasp.objects.collision_parts import load_parts
+from tr_grasp.objects.mesh_checks import require_few_faces
+from tr_grasp.objects.meshes import load_object
+from tr_grasp.objects.obj_groups import groups_text, read_groups
+from tr_grasp.objects.rejection import Reason, RejectedMesh
+from tr_grasp.objects.visual_mesh import GREY, VISUAL_FACES_MAX, load_visual
 
 
 def without_faces(solid: trimesh.Trimesh, count: int) -> trimesh.Trimesh:
@@ -63,6 +67,7 @@ def test_a_hull_of_many_vertices_is_thinned_out_and_stays_almost_as_large(tmp_pa
     (part,) = load_parts(write_obj(tmp_path / "collision.obj", [ball]))
     assert len(part.vertices) <= 64
     assert part.volume > 0.85 * ball.volume
+    np.testing.assert_allclose(part.bounds, ball.bounds, atol=1e-8)
 
 
 def test_a_flat_sliver_on_the_face_of_another_part_is_left_out(tmp_path, write_obj):
@@ -193,3 +198,75 @@ def test_an_inside_out_visual_is_turned_and_an_uncoloured_one_is_grey(tmp_path):
     mesh, colours = load_visual(tmp_path / "visual.ply")
     assert mesh.volume == pytest.approx(0.001, rel=1e-5)
     np.testing.assert_allclose(colours, GREY)
+
+
+def test_groups_that_are_written_are_read_back_bit_by_bit(tmp_path):
+    rng = np.random.default_rng(0)
+    written = [(rng.normal(size=(5, 3)), rng.integers(0, 5, (4, 3))) for _ in range(3)]
+    written = [
+        (vertices[np.unique(faces)], np.unique(faces, return_inverse=True)[1].reshape(-1, 3))
+        for vertices, faces in written
+    ]
+    (tmp_path / "parts.obj").write_text(groups_text(written))
+    for (vertices, faces), (vertices_again, faces_again) in zip(
+        written, read_groups(tmp_path / "parts.obj"), strict=True
+    ):
+        np.testing.assert_array_equal(vertices, vertices_again)
+        np.testing.assert_array_equal(faces, faces_again)
+
+
+@pytest.mark.parametrize("name", ["collision.obj", "visual.ply", "visual.obj"])
+def test_a_million_triangles_are_refused_without_being_read(tmp_path, write_object, name, monkeypatch):
+    folder = write_object(tmp_path / "a")
+    if name.endswith(".ply"):
+        content = (folder / name).read_bytes()
+        (folder / name).write_bytes(re.sub(rb"element face \d+", b"element face 1000000", content))
+    else:
+        (folder / "visual.ply").unlink(missing_ok=name == "visual.obj")
+        write_object(folder) if name == "collision.obj" else None
+        (folder / name).write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "f 1 2 3\n" * 1_000_000)
+    monkeypatch.setattr(trimesh, "load", lambda *_, **__: pytest.fail("the mesh was read"))
+    with pytest.raises(
+        RejectedMesh, match=rf"{name} has 1,000,000 triangles, more than the 40,000 .*; simplify it"
+    ) as caught:
+        load_visual(folder / name) if name.startswith("visual") else load_parts(folder / name)
+    assert caught.value.reason is Reason.TOO_MANY_FACES
+
+
+def test_forty_thousand_faces_are_not_too_many_but_one_more_is(tmp_path):
+    for faces_n, refused in ((40_000, False), (40_001, True)):
+        (tmp_path / "a.obj").write_text("f 1 2 3\n" * faces_n)
+        if refused:
+            with pytest.raises(RejectedMesh, match="40,001 triangles"):
+                require_few_faces(tmp_path / "a.obj")
+        else:
+            require_few_faces(tmp_path / "a.obj")
+
+
+def test_two_boxes_that_are_far_apart_are_two_objects(tmp_path, write_object, write_obj):
+    folder = write_object(tmp_path / "pair")
+    boxes = [shapes.box((0.05, 0.05, 0.05)), shapes.box((0.05, 0.05, 0.05), (0.1, 0.0, 0.0))]
+    write_obj(folder / "collision.obj", boxes)
+    with pytest.raises(
+        RejectedMesh, match=r"pair falls into 2 large pieces with more than 8\.3 mm between them"
+    ) as caught:
+        load_object(folder)
+    assert caught.value.reason is Reason.SEVERAL_PIECES
+
+
+def test_a_crumb_beside_an_object_is_no_second_object(tmp_path, write_object, write_obj):
+    folder = write_object(tmp_path / "crumbs")
+    boxes = [shapes.box((0.05, 0.05, 0.05)), shapes.box((0.01, 0.01, 0.01), (0.06, 0.0, 0.0))]
+    write_obj(folder / "collision.obj", boxes)
+    assert len(load_object(folder).parts) == 2
+
+
+def test_a_wire_has_degenerate_inertia(tmp_path, write_object, write_obj):
+    folder = write_object(tmp_path / "wire")
+    wire = shapes.box((0.1, 0.0005, 0.0005))
+    write_obj(folder / "collision.obj", [wire])
+    wire.export(folder / "visual.ply")
+    # Moments of 0.5 x 0.5 mm over 100 mm: 2 to 40,000.
+    with pytest.raises(RejectedMesh, match=r"as thin as a wire: .* by a factor of 2e\+04, more than 1e\+04") as caught:
+        load_object(folder)
+    assert caught.value.reason is Reason.DEGENERATE_INERTIA

@@ -56,6 +56,25 @@ def test_the_wall_between_two_touching_cubes_does_not_count_as_surface():
     assert model.volume_m3 == pytest.approx(2.0)
 
 
+def test_the_inertia_of_a_brick_is_that_of_the_textbook():
+    model = model_of(shapes.box((0.1, 0.06, 0.04), (0.3, 0.2, 0.1)))
+    expected = 0.3 / 12 * np.array([0.06**2 + 0.04**2, 0.1**2 + 0.04**2, 0.1**2 + 0.06**2])
+    np.testing.assert_allclose(model.inertia_kgm2(0.3), np.diag(expected), atol=1e-12)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), factor=st.floats(0.1, 10))
+def test_at_one_density_inertia_grows_with_the_fifth_power_of_the_size(seed, factor):
+    hull = trimesh.convex.convex_hull(np.random.default_rng(seed).uniform(-1, 1, (20, 3)) + 5)
+    model = model_of(hull)
+    inertia = model.inertia_kgm2(hull.volume * 400.0)
+    np.testing.assert_allclose(inertia, 400.0 * hull.moment_inertia, rtol=1e-6, atol=1e-6 * np.trace(inertia))
+    larger = model.scaled(factor)
+    np.testing.assert_allclose(
+        larger.inertia_kgm2(larger.volume_m3 * 400.0), inertia * factor**5, rtol=1e-6, atol=1e-9 * factor**5
+    )
+
+
 def test_what_one_part_hides_of_another_does_not_count_as_surface():
     # A rod of 1 x 1 x 4 through a cube of 2: 24 + 4 * 4 - 2 faces of 1 x 1 hidden, ends and sides out by 1 each.
     model = model_of(shapes.box((2, 2, 2)), shapes.box((1, 1, 4)))

@@ -5,9 +5,10 @@ import sys
 
 import numpy as np
 import pytest
+import trimesh
 
 from tr_grasp.errors import ConfigError, MeshError
-from tr_grasp.objects import MeshSet, ProceduralSet, family_names, object_set
+from tr_grasp.objects import MeshSet, ProceduralSet, Reason, family_names, object_set, shapes
 
 
 def test_the_training_set_never_gives_a_held_out_family():
@@ -48,7 +49,7 @@ def test_an_unknown_split_names_the_valid_ones():
 
 def test_a_folder_is_a_source_and_the_split_picks_its_sub_folder(tmp_path, write_object):
     write_object(tmp_path / "train" / "first")
-    write_object(tmp_path / "test" / "second")
+    write_object(tmp_path / "test" / "second", scale=2.0)
     assert object_set(str(tmp_path), "train").names == ("first",)
     assert object_set(str(tmp_path), "test").names == ("second",)
 
@@ -81,13 +82,6 @@ def test_an_edited_object_is_read_again(tmp_path, write_object):
     np.testing.assert_allclose(after.face_colours.mean(axis=0), [0, 0, 1], atol=1e-6)
 
 
-def test_objects_that_are_in_train_and_test_are_refused(tmp_path, write_object):
-    for split in ("train", "test"):
-        write_object(tmp_path / split / "same")
-    with pytest.raises(MeshError, match="share same; keep every object in one of them"):
-        object_set(str(tmp_path), "train")
-
-
 def test_a_missing_split_folder_is_named(tmp_path, write_object):
     write_object(tmp_path / "train" / "a")
     with pytest.raises(MeshError, match=r"has 'train' but no 'test' objects; add the sub-folder .*test"):
@@ -100,6 +94,55 @@ def test_too_few_objects_are_counted(tmp_path, write_object):
     write_object(tmp_path / "a")
     with pytest.raises(MeshError, match="holds 1 objects but at least 4 are needed"):
         MeshSet(tmp_path, "train", (0.1, 0.2), at_least_n=4)
+
+
+def test_without_a_range_of_diagonals_objects_stay_as_large_as_they_are(tmp_path, write_object):
+    write_object(tmp_path / "a", scale=1.5)
+    model = object_set(str(tmp_path), "train", diagonal_range_m=None).sample(np.random.default_rng(0))
+    assert model.diagonal_m == pytest.approx(1.5 * np.linalg.norm([0.055, 0.05, 0.07]), rel=1e-5)
+
+
+def test_a_set_is_found_by_its_name_in_the_root_and_the_root_in_the_environment(tmp_path, write_object, monkeypatch):
+    write_object(tmp_path / "sets" / "household" / "train" / "a")
+    write_object(tmp_path / "sets" / "household" / "test" / "b", scale=2.0)
+    assert object_set("household", "test", root=tmp_path / "sets").names == ("b",)
+    monkeypatch.setenv("TR_GRASP_OBJECTS", str(tmp_path / "sets"))
+    assert object_set("household", "train").names == ("a",)
+    with pytest.raises(
+        ConfigError, match=r"unknown objects.source 'hausehold'; did you mean 'household'\?.*procedural"
+    ):
+        object_set("hausehold", "train")
+    monkeypatch.setenv("TR_GRASP_OBJECTS", str(tmp_path / "nowhere"))
+    with pytest.raises(ConfigError, match=r"nowhere \(TR_GRASP_OBJECTS\) does not exist"):
+        object_set("household", "train")
+
+
+def test_objects_that_cannot_be_used_are_left_out_with_their_reasons(tmp_path, write_object, write_obj):
+    for name in ("good", "huge", "lost", "open"):
+        write_object(tmp_path / name, scale=1000.0 if name == "huge" else 1.0)
+    (tmp_path / "lost" / "collision.obj").unlink()
+    box = shapes.box((0.05, 0.05, 0.05))
+    write_obj(tmp_path / "open" / "collision.obj", [trimesh.Trimesh(box.vertices, box.faces[4:], process=False)])
+    with pytest.warns(
+        UserWarning, match=r"3 of the 4 train objects in .* are left out: huge \(wrong units\), lost \(no co"
+    ):
+        objects = object_set(str(tmp_path), "train")
+    assert objects.names == ("good",)
+    assert {rejected.name: rejected.reason for rejected in objects.rejected} == {
+        "huge": Reason.WRONG_UNITS,
+        "lost": Reason.NO_COLLISION_MESH,
+        "open": Reason.NOT_MANIFOLD,
+    }
+    assert all(str(tmp_path / rejected.name) in rejected.message for rejected in objects.rejected)
+    assert object_set("procedural", "train").rejected == ()
+
+
+def test_a_set_of_which_nothing_is_left_says_why(tmp_path, write_object):
+    (write_object(tmp_path / "a") / "collision.obj").unlink()
+    with pytest.raises(
+        MeshError, match=r"holds 0 objects .*: 1 were left out. .*collision.obj is missing: physics needs"
+    ):
+        object_set(str(tmp_path), "train")
 
 
 def test_a_range_of_diagonals_must_be_positive(tmp_path, write_object):

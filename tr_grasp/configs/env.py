@@ -54,7 +54,15 @@ class ObjectsCfg:
     """What is to be grasped and how it lies."""
 
     source: str = "procedural"
-    """``procedural``, or a folder with one sub-folder per object (``visual.ply``, ``collision.obj``, ``meta.json``)."""
+    """``procedural``; a folder of meshes in the package's layout, in that of ManiSkill's YCB or of Google Scanned Objects;
+    or the name of one in the folder that the variable TR_GRASP_OBJECTS names."""
+
+    overlap: Literal["refuse", "leave_out"] = "refuse"
+    """A folder with the same object in both splits: refuse it, or leave that object out of the test split."""
+
+    orientation: Literal["uniform", "upright_yaw", "thesis"] = "uniform"
+    """How objects are turned before they drop: uniform on SO(3); upright, turned about the vertical; or the thesis'
+    normalised U(-1, 1)^4, which is not uniform."""
 
     split: Literal["train", "test"] = "train"
     """Training and test objects never overlap: other sizes, and some families only in one of them."""

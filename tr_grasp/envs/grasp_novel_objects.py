@@ -30,6 +30,7 @@ from tr_grasp.envs.settling import drop
 from tr_grasp.grasps import gripper_shape
 from tr_grasp.objects import ObjectSet, object_set
 from tr_grasp.objects.actors import add_object
+from tr_grasp.objects.splits import Overlap
 from tr_grasp.robots import robot_names, robot_spec
 from tr_grasp.robots.agents import (
     CartesianArm,
@@ -46,8 +47,8 @@ COLLECT_GARBAGE_EVERY = 25
 
 
 @lru_cache(maxsize=8)
-def _objects(source: str, split: str, diagonal_range_m: tuple[float, float]) -> ObjectSet:
-    return object_set(source, split, diagonal_range_m=diagonal_range_m)
+def _objects(source: str, split: str, diagonal_range_m: tuple[float, float], overlap: Overlap) -> ObjectSet:
+    return object_set(source, split, diagonal_range_m=diagonal_range_m, overlap=overlap)
 
 
 @register_env("GraspNovelObjects-v1", max_episode_steps=None)
@@ -146,7 +147,7 @@ class GraspNovelObjectsEnv(BaseEnv):
             material = sapien.render.RenderMaterial(base_color=[*TABLE_COLOUR, 1.0])
             builder.add_box_visual(sapien.Pose([0, 0, -0.005]), [1.0, 1.0, 0.005], material)
         self._table = builder.build_static("table")
-        chosen = _objects(cfg.source, cfg.split, cfg.diagonal_range_m)
+        chosen = _objects(cfg.source, cfg.split, cfg.diagonal_range_m, cfg.overlap)
         count = int(rng.integers(cfg.count_range[0], cfg.count_range[1] + 1))
         self.models = [chosen.sample(rng) for _ in range(count)]
         actors = [

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Literal
 
 from tr_grasp.configs import EnvCfg, ObjectsCfg
 from tr_grasp.errors import ConfigError, unknown_name
+from tr_grasp.objects.sets import source_folder
 
 
 @dataclass(frozen=True)
@@ -90,10 +90,14 @@ def objects_from(objects: str, base: ObjectsCfg) -> ObjectsCfg:
     for split in PROCEDURAL_SPLITS:
         if objects == split:
             return replace(base, source="procedural", split=split)
-    folder = Path(objects).expanduser()
-    if not folder.is_dir():
-        raise ConfigError(f"objects must be test, train or a folder of meshes; {objects!r} is none of them.")
-    return replace(base, source=str(folder.resolve()), split="test")
+    try:
+        folder = source_folder(objects)
+    except ConfigError as error:
+        raise ConfigError(
+            f"objects must be test, train, a folder of meshes or the name of one; {objects!r} is none of them: {error}"
+        ) from error
+    # What is also a training object is not judged.
+    return replace(base, source=str(folder.resolve()), split="test", overlap="leave_out")
 
 
 def _arranged(objects: ObjectsCfg, name: str) -> ObjectsCfg:

@@ -3,6 +3,20 @@
 from tr_grasp.objects.families import FAMILIES, family_names
 from tr_grasp.objects.mesh_set import MeshSet
 from tr_grasp.objects.model import ObjectModel
+from tr_grasp.objects.orientation import Orientation, random_orientation
+from tr_grasp.objects.rejection import Reason, Rejection
 from tr_grasp.objects.sets import ObjectSet, ProceduralSet, object_set
 
-__all__ = ["FAMILIES", "MeshSet", "ObjectModel", "ObjectSet", "ProceduralSet", "family_names", "object_set"]
+__all__ = [
+    "FAMILIES",
+    "MeshSet",
+    "ObjectModel",
+    "ObjectSet",
+    "Orientation",
+    "ProceduralSet",
+    "Reason",
+    "Rejection",
+    "family_names",
+    "object_set",
+    "random_orientation",
+]

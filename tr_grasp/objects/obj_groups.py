@@ -1,7 +1,8 @@
-"""Read a Wavefront OBJ file as one mesh for each ``o`` or ``g`` group; usual loaders may merge the groups."""
+"""Read and write Wavefront OBJ files with one ``o`` or ``g`` group for each mesh; usual loaders may merge them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tr_grasp.errors import MeshError
+from tr_grasp.objects.rejection import Reason, RejectedMesh
 
 
 @dataclass
@@ -49,22 +50,39 @@ def read_groups(path: Path) -> list[tuple[NDArray[np.float64], NDArray[np.int64]
     A file without groups is one group. Materials, normals and texture coordinates are left out.
 
     Raises:
-        MeshError: If the file is no OBJ text or has no faces; the message names the line.
+        RejectedMesh: If the file is no OBJ text or has no faces; the message names the line.
     """
     reader = _Reader()
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise MeshError(f"cannot read {path}: {error}; export it again as a text OBJ file.") from error
+        raise RejectedMesh(
+            Reason.UNREADABLE, f"cannot read {path}: {error}; export it again as a text OBJ file."
+        ) from error
     for number, line in enumerate(lines, start=1):
         try:
             reader.read(line)
         except ValueError as error:
-            raise MeshError(f"{path}, line {number}, is not valid OBJ: {error}; export the file again.") from error
+            raise RejectedMesh(
+                Reason.UNREADABLE, f"{path}, line {number}, is not valid OBJ: {error}; export the file again."
+            ) from error
     groups = [_compact(np.array(reader.vertices), np.array(faces)) for faces in reader.groups if faces]
     if not groups:
-        raise MeshError(f"{path} is empty: it has no faces; export the convex parts of the object into it.")
+        raise RejectedMesh(
+            Reason.NO_FACES, f"{path} is empty: it has no faces; export the convex parts of the object into it."
+        )
     return groups
+
+
+def groups_text(groups: Sequence[tuple[NDArray[np.floating], NDArray[np.integer]]]) -> str:
+    """The text of an OBJ file from which :func:`read_groups` reads the same vertices and triangles, bit by bit."""
+    lines, first = [], 1
+    for index, (vertices, faces) in enumerate(groups):
+        lines.append(f"o part_{index}")
+        lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, float).tolist()]
+        lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(faces) + first).tolist()]
+        first += len(vertices)
+    return "\n".join(lines) + "\n"
 
 
 def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
