@@ -18,6 +18,7 @@ VERBS = {
     "evaluate": "judge a policy on held-out objects and write a report",
     "compare": "say whether one evaluation is better than another",
     "play": "let an agent play, and film it: zero, random, scripted or a policy",
+    "export": "write a policy as one file that runs without this package (ONNX, torch.export)",
 }
 """Every verb with its one line of help; verb ``x`` lives in ``tr_grasp.cli.x``."""
 

@@ -54,7 +54,7 @@ class ObjectsCfg:
     """What is to be grasped and how it lies."""
 
     source: str = "procedural"
-    """``procedural``; a folder of meshes in the package's layout, in that of ManiSkill's YCB or of Google Scanned Objects;
+    """``procedural``; a folder of meshes in the package's layout, that of ManiSkill's YCB or of Google Scanned Objects;
     or the name of one in the folder that the variable TR_GRASP_OBJECTS names."""
 
     overlap: Literal["refuse", "leave_out"] = "refuse"

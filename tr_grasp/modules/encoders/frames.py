@@ -28,4 +28,4 @@ def merge_frames(
             f"frames must have leaves of depth {spec.depth}, as the octree that the encoder was made for, "
             f"got Morton code {int(frames.codes.max())} of a deeper one."
         )
-    return Octree(frames, spec.depth, node_set, backend)
+    return Octree(frames, spec.depth, node_set, backend)  # type: ignore[abstract]  # its __new__ makes a subclass
