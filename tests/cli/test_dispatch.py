@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from types import SimpleNamespace
 
@@ -106,3 +107,18 @@ def test_listing_verbs_loads_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_warning_of_ours_is_the_sentence_alone(verb: Callable, capsys: pytest.CaptureFixture[str]) -> None:
+    class LeavesWarning(UserWarning):
+        __module__ = "tr_grasp.octree"
+
+    def warn(args: list[str]) -> int:
+        warnings.warn("some leaves were left out", LeavesWarning, stacklevel=1)
+        return 0
+
+    verb(warn)
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert cli.main(["doctor"]) == 0
+    assert capsys.readouterr().err == "tr-grasp: some leaves were left out\n"

@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import tr_grasp
 from tr_grasp.errors import TrGraspError, unknown_name
@@ -33,6 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code: the verb's own, 2 for a mistake that has been explained, 130 after Ctrl-C.
     """
     _silence_missing_vulkan()
+    _say_own_warnings_plainly()
     verb, *args = list(sys.argv[1:] if argv is None else argv) or ["--help"]
     try:
         code = _run(verb, args)
@@ -72,6 +74,19 @@ def _silence_missing_vulkan() -> None:
     warnings.filterwarnings("ignore", message=message)
     others = os.environ.get("PYTHONWARNINGS")
     os.environ["PYTHONWARNINGS"] = f"{others + ',' if others else ''}ignore:{message}"
+
+
+def _say_own_warnings_plainly() -> None:
+    # A user wants the sentence, not the file and line that it came from.
+    show = warnings.showwarning
+
+    def say(message: Warning | str, category: type[Warning], *place: Any) -> None:
+        if category.__module__.startswith("tr_grasp"):
+            _say(str(message), 0)
+        else:
+            show(message, category, *place)
+
+    warnings.showwarning = say
 
 
 def _help() -> str:
