@@ -36,9 +36,7 @@ def test_a_folder_is_a_source_of_objects(tmp_path: Path) -> None:
 def test_an_unknown_suite_or_folder_is_one_sentence() -> None:
     with pytest.raises(ConfigError, match="unknown suite 'piles'; did you mean 'pile'"):
         named_suites("piles", OWN, objects="test", episodes=1, first_seed=0)
-    with pytest.raises(
-        ConfigError, match="a folder of meshes or the name of one; 'tset' is none"
-    ):
+    with pytest.raises(ConfigError, match="a folder of meshes or the name of one; 'tset' is none"):
         named_suites("pile", OWN, objects="tset", episodes=1, first_seed=0)
 
 
