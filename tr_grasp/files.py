@@ -10,6 +10,8 @@ from typing import BinaryIO
 
 from tr_grasp.errors import StorageError
 
+CACHE_VARIABLE = "TR_GRASP_CACHE"
+
 
 def write_atomically(path: str | Path, content: bytes | str | Callable[[BinaryIO], None]) -> None:
     """Replace a file in one step: whoever reads it, at any time, sees all of the old or all of the new one.
@@ -41,6 +43,44 @@ def write_atomically(path: str | Path, content: bytes | str | Callable[[BinaryIO
     finally:
         if temporary is not None and os.path.exists(temporary):
             os.unlink(temporary)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it, if they are not there.
+
+    Raises:
+        StorageError: It could not be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"could not make the folder '{folder}': {error.strerror}.") from error
+
+
+def cache_folder() -> Path:
+    """Where files that can be made again are kept: ``TR_GRASP_CACHE``, or ``tr_grasp`` in the user's cache folder."""
+    if os.environ.get(CACHE_VARIABLE):
+        return Path(os.environ[CACHE_VARIABLE]).expanduser()
+    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "tr_grasp"
+
+
+def write_once(path: Path, make_text: Callable[[], str]) -> Path:
+    """A file that is named after its content: written if it is not there yet, its folder too.
+
+    Raises:
+        StorageError: It could not be written.
+    """
+    if not path.is_file():
+        text = make_text()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StorageError(
+                f"could not make '{path.parent}': {error.strerror}; "
+                f"set {CACHE_VARIABLE} to a folder that can be written."
+            ) from error
+        write_atomically(path, text)
+    return path
 
 
 def remove_partial_files(folder: str | Path) -> None:

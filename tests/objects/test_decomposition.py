@@ -8,9 +8,10 @@ import pytest
 import trimesh
 
 from tr_grasp.errors import MissingSystemLibraryError, StorageError
+from tr_grasp.files import cache_folder
 from tr_grasp.objects import Reason, shapes
 from tr_grasp.objects.closing import closed_volume
-from tr_grasp.objects.decomposition import cache_folder, convex_parts
+from tr_grasp.objects.decomposition import convex_parts
 from tr_grasp.objects.model import distance_outside
 from tr_grasp.objects.rejection import RejectedMesh
 

@@ -33,11 +33,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: the verb's own, 2 for a mistake that has been explained, 130 after Ctrl-C.
     """
-    _silence_missing_vulkan()
-    _say_own_warnings_plainly()
     verb, *args = list(sys.argv[1:] if argv is None else argv) or ["--help"]
     try:
-        code = _run(verb, args)
+        with warnings.catch_warnings():  # whoever calls this twice finds them as they were
+            _silence_missing_vulkan()
+            _say_own_warnings_plainly()
+            code = _run(verb, args)
         sys.stdout.flush()
         return code
     except TrGraspError as error:

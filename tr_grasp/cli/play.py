@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tr_grasp.configs.io import parse
-from tr_grasp.errors import ConfigError, StorageError
+from tr_grasp.errors import ConfigError
+from tr_grasp.files import make_folder
 
 if TYPE_CHECKING:
     from tr_grasp.evaluation.records import EpisodeRecord
@@ -109,15 +110,3 @@ def step_line(step: ReplayStep) -> str:
     done = [name for name, flag in zip(STAGES, step.stages, strict=True) if flag]
     x, y, z = step.proprio[1:4]
     return f"  {action_text(step)}   tcp ({x:.3f}, {y:.3f}, {z:.3f}) m   {' '.join(done) or '-'}"
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of a film before anything is played.
-
-    Raises:
-        StorageError: If that fails.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageError(f"could not make the folder '{folder}': {error.strerror}.") from error

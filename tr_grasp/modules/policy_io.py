@@ -15,8 +15,8 @@ from tensordict.nn import TensorDictModuleBase
 
 from tr_grasp.configs import TrainCfg
 from tr_grasp.configs.io import dump_yaml, load_train_cfg
-from tr_grasp.errors import CheckpointError, ConfigError, StorageError, unknown_name
-from tr_grasp.files import write_atomically
+from tr_grasp.errors import CheckpointError, ConfigError, unknown_name
+from tr_grasp.files import make_folder, write_atomically
 from tr_grasp.modules.agent import Agent, EnvSpec, build_agent
 from tr_grasp.octree import OctreeSpec
 
@@ -49,10 +49,7 @@ def save_policy(folder: str | Path, agent: Agent, cfg: TrainCfg, record: Mapping
         StorageError: It could not be written; files that were there before are still whole.
     """
     folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageError(f"could not make the folder '{folder}': {error.strerror}.") from error
+    make_folder(folder)
     weights = {name: tensor.detach().cpu().contiguous() for name, tensor in _policy_weights(agent).items()}
     env_spec = json.dumps(dataclasses.asdict(agent.env_spec))
     write_atomically(folder / CONFIG_FILE, dump_yaml(cfg))

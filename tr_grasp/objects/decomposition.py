@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 
 import numpy as np
 import trimesh
 
-from tr_grasp.errors import MissingSystemLibraryError, StorageError
-from tr_grasp.files import write_atomically
+from tr_grasp.errors import MissingSystemLibraryError
+from tr_grasp.files import cache_folder, write_once
 from tr_grasp.objects.closing import closed_volume
 from tr_grasp.objects.collision_parts import load_parts
 from tr_grasp.objects.obj_groups import groups_text
 
 SETTINGS = {"threshold": 0.05, "mcts_iterations": 60, "mcts_nodes": 10, "resolution": 1000, "seed": 0}
 """Of CoACD: its own concavity threshold, with a search that takes half the time and leaves as many parts."""
-
-CACHE_VARIABLE = "TR_GRASP_CACHE"
 
 
 def convex_parts(mesh: trimesh.Trimesh, what: str, cache: Path | None = None) -> list[trimesh.Trimesh]:
@@ -30,7 +27,7 @@ def convex_parts(mesh: trimesh.Trimesh, what: str, cache: Path | None = None) ->
     Args:
         mesh: An outward-facing mesh [m]. One of two thousand faces takes some seconds.
         what: What messages call it.
-        cache: Where results are kept, by default ``convex_parts`` in :func:`cache_folder`.
+        cache: Where results are kept, by default ``convex_parts`` in :func:`~tr_grasp.files.cache_folder`.
 
     Raises:
         RejectedMesh: The mesh has no inside.
@@ -39,24 +36,7 @@ def convex_parts(mesh: trimesh.Trimesh, what: str, cache: Path | None = None) ->
     """
     volume = closed_volume(mesh, what)
     folder = cache or cache_folder() / "convex_parts"
-    path = folder / f"{_key(volume)}.obj"
-    if not path.is_file():
-        text = _decomposed(volume, what)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StorageError(
-                f"could not make '{folder}': {error.strerror}; set {CACHE_VARIABLE} to a folder that can be written."
-            ) from error
-        write_atomically(path, text)
-    return load_parts(path)
-
-
-def cache_folder() -> Path:
-    """Where results that take long are kept: ``TR_GRASP_CACHE``, or ``tr_grasp`` in the user's cache folder."""
-    if os.environ.get(CACHE_VARIABLE):
-        return Path(os.environ[CACHE_VARIABLE]).expanduser()
-    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "tr_grasp"
+    return load_parts(write_once(folder / f"{_key(volume)}.obj", lambda: _decomposed(volume, what)))
 
 
 def _key(mesh: trimesh.Trimesh) -> str:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
-from tr_grasp.errors import StorageError
-from tr_grasp.files import write_atomically
+from tr_grasp.files import cache_folder, write_atomically, write_once
 from tr_grasp.robots.parts import JointSpec, LinkSpec, Shape
 
 if TYPE_CHECKING:
@@ -45,16 +43,8 @@ def cached_urdf(spec: RobotSpec) -> Path:
         StorageError: It could not be written.
     """
     text = urdf_text(spec)
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(home) / "tr_grasp" / "robots"
-    path = folder / f"{spec.name}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf"
-    if not path.is_file():
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StorageError(f"could not make the folder '{folder}': {error.strerror}.") from error
-        write_atomically(path, text)
-    return path
+    name = f"{spec.name}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf"
+    return write_once(cache_folder() / "robots" / name, lambda: text)
 
 
 def _link(link: LinkSpec) -> Iterator[str]:

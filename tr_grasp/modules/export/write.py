@@ -10,7 +10,7 @@ from typing import Any
 import tr_grasp
 from tr_grasp.configs import EnvCfg
 from tr_grasp.errors import ConfigError, ExportError, StorageError
-from tr_grasp.files import write_atomically
+from tr_grasp.files import make_folder, write_atomically
 from tr_grasp.modules.agent import EnvSpec
 from tr_grasp.modules.export.dense_policy import DensePolicy
 from tr_grasp.modules.export.formats import (
@@ -121,9 +121,6 @@ def _record(folder: Path) -> dict[str, Any]:
 
 def _make_place(path: Path) -> None:
     """Complain before the work and not after it."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageError(f"could not make the folder '{path.parent}': {error.strerror}.") from error
+    make_folder(path.parent)
     if path.is_dir():
         raise StorageError(f"could not write '{path}': it is a folder; name a file in it.")
