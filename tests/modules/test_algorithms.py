@@ -12,6 +12,7 @@ from torch import nn
 from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import DDPGLoss, SACLoss, SoftUpdate, TD3Loss
 
+from tests.modules.small_networks import ACTION_N, BATCH, FEATURES_N, make_batch, make_encoder
 from tests.modules.transitions import transitions
 from tests.toy_env import env_spec, train_cfg
 from tr_grasp.modules import (
@@ -29,7 +30,6 @@ from tr_grasp.modules import (
 
 pytestmark = pytest.mark.filterwarnings("ignore:No target network updater")
 
-OBS_N, FEATURES_N, ACTION_N, BATCH = 6, 8, 3, 16
 STOCHASTIC = {"alpha_init": 0.1, "target_entropy": -3.0, "loss_function": "l2"}
 SMOOTHING = {"bounds": (-1.0, 1.0), "policy_noise": 0.2, "noise_clip": 0.5, "loss_function": "l2"}
 SETTINGS = {"sac": STOCHASTIC, "td3": SMOOTHING, "ddpg": {"loss_function": "l2"}}
@@ -41,11 +41,6 @@ def _float64():
     torch.set_default_dtype(torch.float64)
     yield
     torch.set_default_dtype(torch.float32)
-
-
-def make_encoder() -> TensorDictModule:
-    net = nn.Sequential(nn.Linear(OBS_N, FEATURES_N), nn.Tanh())
-    return TensorDictModule(net, in_keys=["observation"], out_keys=["z"])
 
 
 def make_actor(name: str, key: str) -> TensorDictSequential:
@@ -82,20 +77,6 @@ def make_loss(name: str, **kwargs):
     )
     loss.make_value_estimator(gamma=0.99)
     return loss
-
-
-def make_batch() -> TensorDict:
-    terminated = torch.arange(BATCH).remainder(4).eq(1)[:, None]
-    truncated = torch.arange(BATCH).remainder(4).eq(2)[:, None]
-    following = {
-        "observation": torch.randn(BATCH, OBS_N),
-        "reward": torch.randn(BATCH, 1),
-        "terminated": terminated,
-        "truncated": truncated,
-        "done": terminated | truncated,
-    }
-    now = {"observation": torch.randn(BATCH, OBS_N), "action": torch.rand(BATCH, ACTION_N) * 2 - 1}
-    return TensorDict({**now, "next": following}, batch_size=[BATCH])
 
 
 @pytest.mark.parametrize("name", OURS)

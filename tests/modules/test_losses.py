@@ -13,11 +13,12 @@ from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import SoftUpdate, TQCLoss
 
 from tests.modules import tqc_oracle as oracle
+from tests.modules.small_networks import ACTION_N, BATCH, FEATURES_N, make_batch, make_encoder
 from tr_grasp.modules import EncodedTQCLoss, GaussianActor, QuantileCritic
 
 pytestmark = pytest.mark.filterwarnings("ignore:No target network updater")
 
-OBS_N, FEATURES_N, ACTION_N, CRITICS_N, QUANTILES_N, DROP, BATCH = 6, 8, 3, 2, 25, 3, 16
+CRITICS_N, QUANTILES_N, DROP = 2, 25, 3
 
 
 @pytest.fixture(autouse=True)
@@ -25,11 +26,6 @@ def _float64():
     torch.set_default_dtype(torch.float64)
     yield
     torch.set_default_dtype(torch.float32)
-
-
-def make_encoder() -> TensorDictModule:
-    net = nn.Sequential(nn.Linear(OBS_N, FEATURES_N), nn.Tanh())
-    return TensorDictModule(net, in_keys=["observation"], out_keys=["z"])
 
 
 def make_actor(key: str) -> ProbabilisticActor:
@@ -49,25 +45,6 @@ def make_loss(**kwargs) -> EncodedTQCLoss:
     loss = EncodedTQCLoss(make_encoder(), make_actor("actor_features"), make_critics("critic_features"), **settings)
     loss.make_value_estimator(gamma=0.99)
     return loss
-
-
-def make_batch() -> TensorDict:
-    terminated = torch.arange(BATCH).remainder(4).eq(1)[:, None]
-    truncated = torch.arange(BATCH).remainder(4).eq(2)[:, None]
-    return TensorDict(
-        {
-            "observation": torch.randn(BATCH, OBS_N),
-            "action": torch.rand(BATCH, ACTION_N) * 2 - 1,
-            "next": {
-                "observation": torch.randn(BATCH, OBS_N),
-                "reward": torch.randn(BATCH, 1),
-                "terminated": terminated,
-                "truncated": truncated,
-                "done": terminated | truncated,
-            },
-        },
-        batch_size=[BATCH],
-    )
 
 
 def gradient_norm(loss: EncodedTQCLoss, name: str, part: str) -> float:
