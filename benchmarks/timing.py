@@ -166,9 +166,13 @@ def main() -> None:
     parser.add_argument("--trajectories", type=int, default=1000, help="random ones, of each kind")
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--predictor-hz", type=float, default=10.0)
+    parser.add_argument("--random-only", action="store_true", help="only the rows of random trajectories")
     given = parser.parse_args()
-    toppra_rows(given.repeats)
+    if not given.random_only:
+        toppra_rows(given.repeats)
     random_rows(given.trajectories)
+    if given.random_only:
+        return
     # A tenth of the Kinova's speed, 0.06 rad/s, follows nothing.
     arms = [("ur5_rg2", "rated"), ("ur5_rg2", "thesis"), ("j2s7s300", "rated"), ("panda", "rated")]
     for (name, which), speed, shape in product(arms, (0.05, 0.10, 0.20), ("line", "circle")):

@@ -18,12 +18,32 @@ class MotionError(TrGraspError, ValueError):
     """A motion that cannot be asked for: another number of joints, NaN, a limit that is not positive, no such mode."""
 
 
+class GraspError(TrGraspError, ValueError):
+    """Grasps that cannot be made, found or read: no such gripper, an object too wide for it, a file that is damaged."""
+
+
+class PredictionError(TrGraspError, ValueError):
+    """Something that no predictor or target motion can use: a stamp that is NaN, a wrong shape, a broken track."""
+
+
+class HardwareError(TrGraspError, RuntimeError):
+    """A device that cannot be asked: it is missing, not connected, or sends nothing; it does not move."""
+
+
+class CalibrationError(TrGraspError, ValueError):
+    """A calibration that cannot be made: too few or too similar samples, a damaged file, an impossible board."""
+
+
 class MeshError(TrGraspError, ValueError):
     """An object mesh that cannot be simulated: missing, empty, open, absurdly scaled or not finite."""
 
 
 class CheckpointError(TrGraspError, ValueError):
     """A checkpoint or policy that is corrupt, foreign, or of another version."""
+
+
+class DemonstrationError(TrGraspError, ValueError):
+    """Demonstrations that cannot be read or do not fit: damaged, foreign, of another version, or of another world."""
 
 
 class ExportError(TrGraspError, ValueError):

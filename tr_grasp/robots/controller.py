@@ -153,16 +153,26 @@ class CartesianController(BaseController):
         last = self._substep == self.config.substeps_n
         q = self._start_q + self._step_q * self._substep
         velocity = np.zeros_like(q) if last else self._step_q / self.config.timestep_s
-        before, self._reach_now_m = self._reach_now_m, self._reach_m()
-        if self._reach_now_m != self._reach_start_m:
-            retreat = self._retreat_per_metre()
-            q = q + (self._reach_now_m - self._reach_start_m) * retreat
-            velocity = velocity + (self._reach_now_m - before) / self.config.timestep_s * retreat
-            if last:
-                self._q = np.clip(q, self._lower, self._upper)
+        q, velocity = self._with_retreat(q, velocity)
+        if last and self._reach_now_m != self._reach_start_m:
+            self._q = np.clip(q, self._lower, self._upper)
+        self._drive_arm(q, velocity)
+
+    def _drive_arm(self, q: Array, velocity: Array) -> None:
         for joint, angle, speed in zip(self._arm, q, velocity, strict=True):
             joint.set_drive_target(float(angle))
             joint.set_drive_velocity_target(float(speed))
+
+    def _with_retreat(self, q: Array, velocity: Array) -> tuple[Array, Array]:
+        """Joints (n,) and their speeds with what keeps the fingertips where they are while the fingers move."""
+        before, self._reach_now_m = self._reach_now_m, self._reach_m()
+        if self._reach_now_m == self._reach_start_m:
+            return q, velocity
+        retreat = self._retreat_per_metre()
+        return (
+            q + (self._reach_now_m - self._reach_start_m) * retreat,
+            velocity + (self._reach_now_m - before) / self.config.timestep_s * retreat,
+        )
 
     def _retreat_per_metre(self) -> Array:
         """(n,) joint motion that takes the hand back along its z by a metre, so that fingers that reach out stay."""

@@ -56,8 +56,12 @@ class CoupledFingers:
         """How far the fingertips at positions (joints,) reach beyond where they are when closed; linkages retract."""
         return self.gripper.tips_at(float(self.gripper.finger_openness(fingers).mean())) - self.gripper.tips_m[0]
 
-    def targets(self, setpoint: float, closing: bool, fingers: Array, dt_s: float) -> tuple[float, Array]:
+    def targets(
+        self, setpoint: float, closing: bool, fingers: Array, dt_s: float, goal: float | None = None
+    ) -> tuple[float, Array]:
         """The next common setpoint and the position target of each joint (joints,).
+
+        The setpoint stops at ``goal``, if there is one.
 
         The setpoint runs ahead of the fingers' mean by no more than what gives ``force_n``; twice a finger's
         deviation from the mean is taken off its target, which keeps the fingers centred as a real linkage does. A
@@ -69,6 +73,8 @@ class CoupledFingers:
         slope = self._opening_slope_m(mean)
         step = self.speed_mps * dt_s / slope
         moved = max(setpoint - step, mean - self._lead(slope)) if closing else min(setpoint + step, 1.0)
+        if goal is not None:
+            moved = max(moved, goal) if closing else min(moved, goal)
         way = openness[gripper.finger_of_joint]
         way[gripper.lead] = moved - 2.0 * (openness - mean)
         return moved, gripper.closed + way * (gripper.open - gripper.closed)
