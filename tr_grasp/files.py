@@ -18,7 +18,7 @@ def write_atomically(path: str | Path, content: bytes | str | Callable[[BinaryIO
 
     Args:
         path: The file; its folder exists.
-        content: Bytes, text (UTF-8), or a function that writes to an open file.
+        content: Bytes, text (UTF-8), or a function that writes to an open file (and may read what it wrote).
 
     Raises:
         StorageError: It could not be written (full disk, no permission); the old file is untouched.
@@ -27,7 +27,7 @@ def write_atomically(path: str | Path, content: bytes | str | Callable[[BinaryIO
     temporary: str | None = None
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
+        with os.fdopen(handle, "w+b") as file:
             _fill(file, content)
             file.flush()
             os.fsync(file.fileno())

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
-from torchrl.collectors import Collector, MultiAsyncCollector
-from torchrl.envs import Compose, EnvBase, RewardSum, StepCounter, TransformedEnv
+from torchrl.collectors import BaseCollector, Collector, MultiAsyncCollector
+from torchrl.envs import Compose, EnvBase, RewardSum, SerialEnv, StepCounter, TransformedEnv
 from torchrl.envs.utils import ExplorationType
 
 from tr_grasp.configs import EnvCfg
 from tr_grasp.errors import TrGraspError
+from tr_grasp.trainers.ray_collector import start_ray_collector
 
 EnvMaker = Callable[[EnvCfg, int], EnvBase]
 
@@ -38,8 +40,9 @@ class CollectPlan:
     seed: int
     segment: int
     steps_per_batch: int
-    mode: Literal["inline", "process"] = "inline"
+    mode: Literal["inline", "process", "ray"] = "inline"
     workers_n: int = 1
+    envs_per_worker_n: int = 1
     episode_steps: int | None = None
     """Cut episodes here (truncated); None leaves it to the environment."""
 
@@ -48,7 +51,7 @@ class CollectPlan:
 
 
 class Collection:
-    """An endless stream of chunks, each of consecutive steps of one environment, and the policy that makes them.
+    """An endless stream of chunks, each of consecutive steps of a worker's environments, and the policy that acts.
 
     Use it as a context manager: leaving it ends the workers.
     """
@@ -66,7 +69,9 @@ class Collection:
         self.close()
 
     def __iter__(self) -> Iterator[TensorDictBase]:
-        """Chunks with batch ``(steps_per_batch,)``. One worker is at most one chunk ahead of the reader.
+        """Chunks with batch ``(steps_per_batch,)``; ``(envs, steps_per_batch / envs)`` where a worker has several.
+
+        One worker is at most one chunk ahead of the reader.
 
         Raises:
             TrGraspError: A worker ended by itself, for example because memory ran out.
@@ -83,7 +88,7 @@ class Collection:
 
     def push_weights(self) -> None:
         """Let the workers act with the weights that the policy has now."""
-        if self._plan.mode == "process":
+        if self._plan.mode != "inline":
             self._collector.update_policy_weights_(self._policy)
 
     def close(self) -> None:
@@ -100,7 +105,7 @@ class Collection:
         workers = [worker for worker in getattr(self._collector, "procs", []) if not worker._closed]
         return [worker.exitcode for worker in workers if not worker.is_alive()]
 
-    def _start(self) -> Collector | MultiAsyncCollector:
+    def _start(self) -> BaseCollector:
         plan = self._plan
         kind = ExplorationType.DETERMINISTIC if plan.deterministic else ExplorationType.RANDOM
         common: dict[str, Any] = {
@@ -113,9 +118,11 @@ class Collection:
         if plan.mode == "inline":
             return Collector(_Worker(plan, 0), self._policy, trust_policy=True, **common)
         makers = [_Worker(plan, index) for index in range(plan.workers_n)]
+        if plan.mode == "ray":
+            return start_ray_collector(makers, self._policy, **common)
         threads_n = torch.get_num_threads()
         try:
-            with _delayed_interrupt():
+            with delayed_interrupt():
                 return _PatientCollector(makers, self._policy, num_threads=threads_n, num_sub_threads=1, **common)
         except TrGraspError as error:
             # TorchRL appends the worker's traceback to the message.
@@ -139,22 +146,35 @@ class _Worker:
 
     def __call__(self) -> EnvBase:
         plan = self.plan
-        seed = worker_seed(plan.seed, plan.segment, self.index)
-        if multiprocessing.parent_process() is not None:
+        seeds = self._seeds()
+        if multiprocessing.parent_process() is not None or plan.mode == "ray":
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             torch.set_num_threads(1)
-            torch.manual_seed(seed)
-        env = plan.make_env(plan.env, seed)
-        return TransformedEnv(env, Compose(StepCounter(plan.episode_steps), RewardSum()))
+            torch.manual_seed(seeds[0])
+        makers = [partial(self._make_env, seed) for seed in seeds]
+        return makers[0]() if len(makers) == 1 else SerialEnv(len(makers), makers)
+
+    def _seeds(self) -> list[int]:
+        n = self.plan.envs_per_worker_n
+        return [worker_seed(self.plan.seed, self.plan.segment, self.index * n + env) for env in range(n)]
+
+    def _make_env(self, seed: int) -> EnvBase:
+        env = self.plan.make_env(self.plan.env, seed)
+        return TransformedEnv(env, Compose(StepCounter(self.plan.episode_steps), RewardSum()))
 
 
-def worker_seed(seed: int, segment: int, worker: int) -> int:
-    """The seed from which the environment of a worker derives those of its episodes."""
-    return int(np.random.SeedSequence([seed, segment, worker]).generate_state(1)[0] % 2**31)
+def environments_of(chunk: TensorDictBase) -> Sequence[TensorDictBase]:
+    """The parts of a chunk, each of consecutive steps of one environment, batch ``(T,)``."""
+    return [chunk] if chunk.ndim == 1 else chunk.unbind(0)
+
+
+def worker_seed(seed: int, segment: int, env: int) -> int:
+    """The seed from which an environment, counted over all workers, derives those of its episodes."""
+    return int(np.random.SeedSequence([seed, segment, env]).generate_state(1)[0] % 2**31)
 
 
 @contextmanager
-def _delayed_interrupt() -> Iterator[None]:
+def delayed_interrupt() -> Iterator[None]:
     """Processes started here never see Ctrl-C, which a terminal sends to all; this one sees it afterwards."""
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

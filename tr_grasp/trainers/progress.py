@@ -28,7 +28,7 @@ class RecentEpisodes:
     def observe(self, chunk: TensorDictBase) -> None:
         """Take note of the episodes that end in a chunk."""
         following = chunk["next"]
-        ends = following[following["done"].flatten()]
+        ends = following[following["done"][..., 0]]
         self.finished += len(ends)
         columns = [ends[key].flatten().float().tolist() for key in (SUCCESS, EPISODE_REWARD, STEP_COUNT)]
         self._ends.extend(zip(*columns, strict=True))
