@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.configs.strategies import train_cfgs
 from tr_grasp.configs import TrainCfg
-from tr_grasp.configs.io import dump_yaml, load_cfg, load_train_cfg
+from tr_grasp.configs.io import dump_yaml, load_cfg, load_train_cfg, preset_names
 from tr_grasp.errors import ConfigError
 
 
@@ -106,7 +106,7 @@ def test_a_slip_in_the_parent_names_the_parent(folder: Path) -> None:
         (
             "extends: grap",
             "x.yaml: extends: unknown preset 'grap'; did you mean 'grasp'? "
-            "Valid: dagger, demonstrations, grasp, smoke, thesis, ur5_rg2, vanilla. A path to a YAML file works too.",
+            f"Valid: {', '.join(preset_names())}. A path to a YAML file works too.",
         ),
     ],
 )

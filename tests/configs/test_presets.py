@@ -27,11 +27,25 @@ THESIS = {
     "env.action.yaw_step_rad": math.pi / 4,
     "env.action.gripper_dead_zone": 0.0,
     "env.workspace.side_m": 0.24,
+    "env.objects.orientation": "thesis",
     "env.objects.count_range": [4, 4],
     "env.objects.diagonal_range_m": [0.125, 0.175],
     "env.objects.mass_range_kg": [0.05, 0.25],
     "env.objects.friction_range": [0.75, 1.5],
     "env.camera.depth_noise_m": 0.001,
+    "env.camera.arc.direction_x": [-1.0, 1.0],
+    "env.camera.arc.direction_y": [-1.0, 1.0],
+    "env.camera.arc.direction_z": [0.1, 0.7],
+    "env.camera.arc.distance_m": [1.0, 1.0],
+    "env.camera.arc.behind_robot_rad": math.pi / 8,
+    "env.randomise.object_properties": True,
+    "env.randomise.object_poses": True,
+    "env.randomise.initial_joints": True,
+    "env.randomise.camera_pose": True,
+    "env.randomise.depth_noise": "gaussian",
+    "env.randomise.ground_texture": True,
+    "env.randomise.gravity": False,
+    "env.randomise.latency": False,
     "env.observation.depth": 4,
     "env.observation.colour": True,
     "env.observation.stack_n": 3,
@@ -50,6 +64,7 @@ THESIS = {
     "network.log_std_init": 0.0,
     "network.critic_layer_norm": False,
     "network.critic_sees_stages": False,
+    "network.target_statistics": "initial",
     "algorithm.critics_n": 2,
     "algorithm.quantiles_n": 25,
     "algorithm.drop_per_net": 3,
@@ -72,13 +87,15 @@ THESIS = {
     "replay.capacity": 40_000,
     "replay.batch_size": 32,
     "replay.symmetry_augmentation": False,
+    "replay.timeout": "terminal",
     "demonstrations.transitions_n": 0,
     "imitation.pretrain_updates": 0,
     "imitation.weight_initial": 0.0,
     "imitation.weight_final": 0.0,
     "imitation.reinforcement": True,
     "trainer.env_steps": 500_000,
-    "trainer.updates_per_step": 1.0,
+    "trainer.updates_per_step": 0.0,
+    "trainer.updates_per_episode": 100,
     "trainer.learning_starts": 0,
     "trainer.random_steps": 0,
 }
@@ -110,6 +127,44 @@ def test_vanilla_is_our_recipe_with_another_encoder() -> None:
     assert vanilla.env == replace(ours.env, observation=three)
 
 
+def test_the_repaired_thesis_differs_in_its_quirks_alone() -> None:
+    one, other = (dict(leaves(plain(load_train_cfg(name)))) for name in ("thesis", "thesis_fixed"))
+    assert {path for path in one if one[path] != other[path]} == {
+        "env.objects.orientation",
+        "env.observation.gripper_reading",
+        "env.reward.lift_reference",
+        "network.target_statistics",
+        "algorithm.encoder_grad",
+        "replay.timeout",
+        "trainer.updates_per_step",
+        "trainer.updates_per_episode",
+    }
+
+
+@pytest.mark.parametrize(
+    ("number", "robot", "encoder", "colour", "heads", "batch"),
+    [
+        (1, "panda", "vanilla_ocnn", False, "vanilla", 32),
+        (2, "panda", "vanilla_ocnn", True, "vanilla", 32),
+        (3, "panda", "residual_ocnn", True, "vanilla", 32),
+        (4, "ur5_rg2", "residual_ocnn", True, "vanilla", 32),
+        (5, "ur5_rg2", "residual_ocnn", True, "vanilla", 32),
+        (6, "panda", "residual_ocnn", True, "advanced", 32),
+        (7, "ur5_rg2", "residual_ocnn", True, "advanced", 32),
+        (8, "ur5_rg2", "o_ahrnet", True, "vanilla", 8),
+        (9, "ur5_rg2", "o_ahrnet", True, "vanilla", 32),
+    ],
+)
+def test_the_nine_experiments_are_those_of_table_5_6(
+    number: int, robot: str, encoder: str, colour: bool, heads: str, batch: int
+) -> None:
+    cfg = load_train_cfg(f"experiment_{number}")
+    assert (cfg.env.robot, cfg.network.encoder, cfg.env.observation.colour) == (robot, encoder, colour)
+    assert (cfg.network.heads, cfg.replay.batch_size) == (heads, batch)
+    assert cfg.network.num_blocks == (4 if number in (4, 5, 6, 7) else 2)
+    assert cfg.network.norm == ("batch" if number == 4 else "none")
+
+
 def test_smoke_is_tiny() -> None:
     cfg = load_train_cfg("smoke")
     assert cfg.trainer.env_steps * cfg.env.episode_steps <= 1_000
@@ -117,7 +172,9 @@ def test_smoke_is_tiny() -> None:
 
 
 def test_the_package_offers_these_presets() -> None:
-    assert preset_names() == ["dagger", "demonstrations", "grasp", "smoke", "thesis", "ur5_rg2", "vanilla"]
+    experiments = [f"experiment_{i}" for i in range(1, 10)]
+    ours = ["dagger", "demonstrations", "grasp", "smoke", "ur5_rg2", "vanilla"]
+    assert preset_names() == sorted([*ours, *experiments, "thesis", "thesis_fixed"])
 
 
 @pytest.mark.parametrize("name", sorted(set(preset_names()) - {"thesis"}))  # pins its values, whatever ours become

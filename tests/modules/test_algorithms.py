@@ -274,3 +274,15 @@ def test_torchrls_own_update_leaves_running_statistics_behind():
     target = loss.target_encoder_network_params.data.flatten_keys(".")
     means = [value for key, value in target.items() if key.endswith("running_mean")]
     assert all((mean == 0).all() for mean in means)
+
+
+def test_running_statistics_can_be_left_behind_as_in_the_thesis():
+    torch.set_default_dtype(torch.float32)
+    cfg = algorithm_cfg("tqc", encoder="residual_ocnn", norm="batch", target_statistics="initial")
+    loss = build_loss(cfg, build_agent(cfg, env_spec(cfg.env)))
+    targets = TargetUpdate(loss, tau=0.01, statistics=cfg.network.target_statistics)
+    loss(transitions(cfg, batch_n=4))
+    targets.step()
+    target = loss.target_encoder_network_params.data.flatten_keys(".")
+    means = [value for key, value in target.items() if key.endswith("running_mean")]
+    assert means and all((mean == 0).all() for mean in means)

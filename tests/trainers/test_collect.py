@@ -190,6 +190,21 @@ def test_a_share_of_the_episodes_acts_without_exploring():
     assert 0.6 < sum(episodes) / 400 < 0.8
 
 
+def test_the_judged_policy_plays_the_episodes_without_exploration_and_the_latest_the_others():
+    class Constant(RandomActions):
+        def __init__(self, value: float) -> None:
+            super().__init__(5)
+            self.value = value
+
+        def forward(self, tensordict):
+            return tensordict.set(ACTION, torch.full((5,), self.value))
+
+    first = TensorDict({STEP_COUNT: torch.tensor([0])})
+    for share, expected in ((1.0, 0.25), (0.0, 0.5)):
+        acting = ExploringPolicy(Constant(0.5), 0.0, deterministic_share=share, judged=Constant(0.25))
+        assert acting(first)[ACTION].tolist() == [expected] * 5
+
+
 def test_the_expert_keeps_its_noise_for_an_episode_and_its_label_clean():
     expert = ScriptedExpert((0.0, 1.0), 0.0)
     label = torch.tensor([0.1, 0.1, 0.1, 0.1, -1.0])

@@ -172,6 +172,19 @@ def test_rewards_are_scaled_for_the_learner_only(tmp_path):
     assert set(sampler.mixed()["next", "reward"][4:].flatten().tolist()) <= set((0.5 * stored).flatten().tolist())
 
 
+def test_an_episode_that_ran_out_of_time_ends_all_reward_where_that_is_wanted(tmp_path):
+    cfg = train_cfg()
+
+    def flags(timeout: str) -> torch.Tensor:
+        _, sampler = setup(tmp_path, replace(cfg, replay=replace(cfg.replay, timeout=timeout, batch_size=64)))
+        following = sampler.mixed()["next"]
+        return torch.stack([following["terminated"], following["truncated"]])
+
+    terminated, truncated = flags("bootstrap")
+    assert (truncated & ~terminated).any()
+    assert torch.equal(flags("terminal")[0], terminated | truncated)
+
+
 def test_both_ends_of_a_transition_are_turned_by_the_same_element(tmp_path):
     cfg = train_cfg()
     _, plain = setup(tmp_path, replace(cfg, replay=replace(cfg.replay, symmetry_augmentation=False)))

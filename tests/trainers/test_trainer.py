@@ -198,6 +198,14 @@ def test_the_thesis_way_needs_no_demonstrations(tmp_path):
     assert trainer(tmp_path / "run", cfg).run().updates == 30
 
 
+def test_a_finished_episode_can_pay_for_updates_whatever_its_length(tmp_path):
+    cfg = train_cfg(updates_per_step=0.0, updates_per_episode=3, learning_starts=0)
+    run = trainer(tmp_path / "run", cfg)
+    result = run.run()
+    done = run._session.experience.get(torch.arange(result.env_steps))["next", "done"]
+    assert result.updates == 3 * int(done.sum()) > 0
+
+
 def test_imitating_every_visited_state_needs_no_reinforcement(tmp_path):
     cfg = train_cfg()
     cfg = replace(cfg, imitation=replace(cfg.imitation, states="all", reinforcement=False))

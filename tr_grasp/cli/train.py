@@ -6,6 +6,7 @@ import shlex
 import sys
 from pathlib import Path
 
+from tr_grasp.cli.arguments import take
 from tr_grasp.configs import TrainCfg
 from tr_grasp.configs.io import load_train_cfg, parse, preset_names
 from tr_grasp.errors import ConfigError
@@ -24,8 +25,8 @@ folder; its run goes on from its checkpoint. Ctrl-C ends a run with a checkpoint
 
 def main(args: list[str]) -> int:
     """Run the verb."""
-    run_dir, args = _take(args, "--run-dir")
-    resume, args = _take(args, "--resume")
+    run_dir, args = take(args, "--run-dir", "a folder")
+    resume, args = take(args, "--resume", "a folder")
     preset, flags = (args[0], args[1:]) if args and not args[0].startswith("-") else (None, args)
     if "--help" in flags or "-h" in flags:
         preset = preset or "grasp"
@@ -66,20 +67,6 @@ def _train(cfg: TrainCfg, folder: Path, *, resume: bool) -> int:
     print(f"done: {steps} and {result.updates} updates in {clock_text(result.wall_s)}{best}")
     print(f"judge it on new objects with: tr-grasp evaluate {folder / ('best' if judged else 'last')}")
     return 0
-
-
-def _take(args: list[str], flag: str) -> tuple[str | None, list[str]]:
-    """The value of a flag of this verb, and the arguments without it."""
-    for index, arg in enumerate(args):
-        name, equals, value = arg.partition("=")
-        if name.replace("_", "-") != flag:
-            continue
-        if equals:
-            return value, [*args[:index], *args[index + 1 :]]
-        if index + 1 == len(args) or args[index + 1].startswith("--"):
-            raise ConfigError(f"{flag} needs a folder.")
-        return args[index + 1], [*args[:index], *args[index + 2 :]]
-    return None, args
 
 
 def _resumable(run: Path) -> Path:

@@ -1,7 +1,10 @@
 """Settings: frozen dataclasses, one field for one flag."""
 
 from tr_grasp.configs.agent import AlgorithmCfg, NetworkCfg
-from tr_grasp.configs.env import ActionCfg, CameraCfg, EnvCfg, ObjectsCfg, ObservationCfg, RewardCfg, WorkspaceCfg
+from tr_grasp.configs.appearance import AppearanceCfg
+from tr_grasp.configs.camera import CameraArcCfg, CameraCfg, StereoCfg
+from tr_grasp.configs.env import ActionCfg, EnvCfg, ObjectsCfg, ObservationCfg, RewardCfg, WorkspaceCfg
+from tr_grasp.configs.randomisation import RandomisationCfg
 from tr_grasp.configs.train import (
     DemonstrationCfg,
     ImitationCfg,
@@ -14,6 +17,8 @@ from tr_grasp.configs.train import (
 __all__ = [
     "ActionCfg",
     "AlgorithmCfg",
+    "AppearanceCfg",
+    "CameraArcCfg",
     "CameraCfg",
     "DemonstrationCfg",
     "EnvCfg",
@@ -22,8 +27,10 @@ __all__ = [
     "ObjectsCfg",
     "ObservationCfg",
     "OptimiserCfg",
+    "RandomisationCfg",
     "ReplayCfg",
     "RewardCfg",
+    "StereoCfg",
     "TrainCfg",
     "TrainerCfg",
     "WorkspaceCfg",

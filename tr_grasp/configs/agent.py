@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from tr_grasp.configs.env import _require
+from tr_grasp.configs.checks import require
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,10 @@ class NetworkCfg:
 
     norm: Literal["none", "batch", "group", "layer"] = "none"
     """Normalisation after the convolutions of the thesis' encoders and in point_net."""
+
+    target_statistics: Literal["follow", "initial"] = "follow"
+    """What the target encoder's batch normalisation normalises by: the running statistics of the online encoder, or
+    mean 0 and variance 1 for ever (thesis: its library updated the parameters alone)."""
 
     features_n: int = 128
     """Features of a frame of localising_ocnn, point_net and state_mlp (the thesis' encoders have 170)."""
@@ -70,17 +74,17 @@ class NetworkCfg:
 
     def __post_init__(self) -> None:
         has_blocks = self.heads in ("dense_residual", "advanced")
-        _require(
+        require(
             self.spectral_norm == "none" or has_blocks,
             f"network.spectral_norm {self.spectral_norm} normalises residual blocks, and heads {self.heads} have none; "
             "choose network.heads dense_residual or advanced, or network.spectral_norm none",
         )
-        _require(self.num_blocks >= 1, f"network.num_blocks must be at least 1, got {self.num_blocks}")
-        _require(self.residual_width >= 1, f"network.residual_width must be at least 1, got {self.residual_width}")
-        _require(
+        require(self.num_blocks >= 1, f"network.num_blocks must be at least 1, got {self.num_blocks}")
+        require(self.residual_width >= 1, f"network.residual_width must be at least 1, got {self.residual_width}")
+        require(
             self.residual_blocks_n >= 1, f"network.residual_blocks_n must be at least 1, got {self.residual_blocks_n}"
         )
-        _require(self.output_scale > 0, f"network.output_scale must be positive, got {self.output_scale}")
+        require(self.output_scale > 0, f"network.output_scale must be positive, got {self.output_scale}")
 
 
 @dataclass(frozen=True)
@@ -141,30 +145,30 @@ class AlgorithmCfg:
 
     def __post_init__(self) -> None:
         self._check_numbers()
-        _require(
+        require(
             self.name == "tqc" or self.drop_per_net is None,
             f"algorithm.drop_per_net drops quantiles, and the critics of {self.name} have none; "
             "choose algorithm.drop_per_net None or algorithm.name tqc",
         )
-        _require(
+        require(
             self.name != "ddpg" or self.critics_n in (None, 1),
             f"algorithm.critics_n is {self.critics_n} and ddpg has one critic; "
             "choose algorithm.critics_n 1, or algorithm.name td3, which is ddpg with more",
         )
-        _require(
+        require(
             self.is_stochastic or self.action_noise > 0,
             f"algorithm.action_noise is {self.action_noise}, and the policy of {self.name} explores by it alone; "
             "choose a positive one, such as 0.1",
         )
 
     def _check_numbers(self) -> None:
-        _require(0 < self.gamma < 1, f"algorithm.gamma must be in (0, 1), got {self.gamma}")
-        _require(0 < self.tau <= 1, f"algorithm.tau must be in (0, 1], got {self.tau}")
-        _require(self.critic_count >= 1, f"algorithm.critics_n must be at least 1, got {self.critics_n}")
-        _require(self.actor_period >= 1, f"algorithm.actor_every_n must be at least 1, got {self.actor_every_n}")
-        _require(self.action_noise >= 0, f"algorithm.action_noise must not be negative, got {self.action_noise}")
-        _require(self.target_noise >= 0, f"algorithm.target_noise must not be negative, got {self.target_noise}")
-        _require(
+        require(0 < self.gamma < 1, f"algorithm.gamma must be in (0, 1), got {self.gamma}")
+        require(0 < self.tau <= 1, f"algorithm.tau must be in (0, 1], got {self.tau}")
+        require(self.critic_count >= 1, f"algorithm.critics_n must be at least 1, got {self.critics_n}")
+        require(self.actor_period >= 1, f"algorithm.actor_every_n must be at least 1, got {self.actor_every_n}")
+        require(self.action_noise >= 0, f"algorithm.action_noise must not be negative, got {self.action_noise}")
+        require(self.target_noise >= 0, f"algorithm.target_noise must not be negative, got {self.target_noise}")
+        require(
             0 <= self.dropped_quantiles < self.quantiles_n or self.name != "tqc",
             f"algorithm.drop_per_net must be 0..{self.quantiles_n - 1}, got {self.dropped_quantiles}",
         )

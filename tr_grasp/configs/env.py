@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from tr_grasp.errors import ConfigError
-
-
-def _require(condition: bool, message: str) -> None:
-    if not condition:
-        raise ConfigError(message)
+from tr_grasp.configs.appearance import AppearanceCfg
+from tr_grasp.configs.camera import CameraCfg
+from tr_grasp.configs.checks import require, require_range
+from tr_grasp.configs.randomisation import RandomisationCfg
 
 
 @dataclass(frozen=True)
@@ -30,9 +28,9 @@ class WorkspaceCfg:
     """An object farther outside the cube than this counts as fallen out."""
 
     def __post_init__(self) -> None:
-        _require(self.side_m > 0, f"workspace.side_m must be positive, got {self.side_m}")
+        require(self.side_m > 0, f"workspace.side_m must be positive, got {self.side_m}")
         low, high = self.tcp_height_m
-        _require(0 < low < high, f"workspace.tcp_height_m must be 0 < low < high, got {self.tcp_height_m}")
+        require(0 < low < high, f"workspace.tcp_height_m must be 0 < low < high, got {self.tcp_height_m}")
 
 
 @dataclass(frozen=True)
@@ -47,6 +45,16 @@ class ActionCfg:
 
     gripper_dead_zone: float = 0.0
     """Gripper components smaller than this keep the last command (the thesis uses 0.25 without colour)."""
+
+    execution: Literal["cartesian", "planned"] = "cartesian"
+    """``cartesian``: straight to the joints of the next tool pose; ``planned``: a motion that is planned in 0.1 s,
+    touches neither the arm nor the table, and is timed by the arm's limits (thesis, with MoveIt)."""
+
+    latency_s: tuple[float, float] = (0.0, 0.1)
+    """Time between a command and its effect if ``randomise.latency`` draws it; uniform over whole physics steps."""
+
+    def __post_init__(self) -> None:
+        require_range("action.latency_s", self.latency_s, at_least=0.0)
 
 
 @dataclass(frozen=True)
@@ -74,6 +82,9 @@ class ObjectsCfg:
     """``scattered``: dropped one by one, apart; ``pile``: dropped on top of each other in the middle; ``mixed``: one of
     the two, drawn for each scene."""
 
+    spread: float = 0.7
+    """Scattered objects start in a square that is this share of ``workspace.side_m`` wide."""
+
     diagonal_range_m: tuple[float, float] = (0.125, 0.175)
     """Objects from meshes are scaled so that their bounding-box diagonal falls in this range (thesis)."""
 
@@ -85,38 +96,11 @@ class ObjectsCfg:
 
     def __post_init__(self) -> None:
         low, high = self.count_range
-        _require(1 <= low <= high <= 8, f"objects.count_range must be 1 <= low <= high <= 8, got {self.count_range}")
+        require(1 <= low <= high <= 8, f"objects.count_range must be 1 <= low <= high <= 8, got {self.count_range}")
         for name in ("diagonal_range_m", "mass_range_kg", "friction_range"):
             low, high = getattr(self, name)
-            _require(0 < low <= high, f"objects.{name} must be 0 < low <= high, got {(low, high)}")
-
-
-@dataclass(frozen=True)
-class CameraCfg:
-    """The depth camera."""
-
-    backend: Literal["raycast", "sapien"] = "raycast"
-    """``raycast`` needs no graphics driver; ``sapien`` renders with Vulkan."""
-
-    eye_m: tuple[float, float, float] = (1.0, -0.35, 0.60)
-    """Position of the camera in the base frame."""
-
-    target_m: tuple[float, float, float] = (0.5, 0.0, 0.06)
-    """Point that the camera looks at, in the base frame."""
-
-    fov_rad: float = 0.47
-    """Full vertical field of view."""
-
-    image_size_px: int = 80
-    """Width and height of the square depth image."""
-
-    depth_noise_m: float = 0.001
-    """Standard deviation of the Gaussian depth noise."""
-
-    def __post_init__(self) -> None:
-        _require(8 <= self.image_size_px <= 1024, f"camera.image_size_px must be 8..1024, got {self.image_size_px}")
-        _require(0 < self.fov_rad < 2.5, f"camera.fov_rad must be in (0, 2.5), got {self.fov_rad}")
-        _require(self.depth_noise_m >= 0, f"camera.depth_noise_m must not be negative, got {self.depth_noise_m}")
+            require(0 < low <= high, f"objects.{name} must be 0 < low <= high, got {(low, high)}")
+        require(0 < self.spread <= 1, f"objects.spread must be in (0, 1], got {self.spread}")
 
 
 @dataclass(frozen=True)
@@ -138,13 +122,16 @@ class ObservationCfg:
     gripper_reading: Literal["measured", "commanded"] = "measured"
     """First number of the proprioception: measured opening, or the last command (thesis)."""
 
+    image: bool = False
+    """Add what the camera saw, as a colour and a depth picture for each stacked observation."""
+
     expert_labels: bool = False
     """Add the scripted expert's action (for imitation while training; never at run time)."""
 
     def __post_init__(self) -> None:
-        _require(3 <= self.depth <= 6, f"observation.depth must be 3..6, got {self.depth}")
-        _require(self.leaf_capacity >= 16, f"observation.leaf_capacity must be at least 16, got {self.leaf_capacity}")
-        _require(1 <= self.stack_n <= 8, f"observation.stack_n must be 1..8, got {self.stack_n}")
+        require(3 <= self.depth <= 6, f"observation.depth must be 3..6, got {self.depth}")
+        require(self.leaf_capacity >= 16, f"observation.leaf_capacity must be at least 16, got {self.leaf_capacity}")
+        require(1 <= self.stack_n <= 8, f"observation.stack_n must be 1..8, got {self.stack_n}")
 
 
 @dataclass(frozen=True)
@@ -192,6 +179,12 @@ class EnvCfg:
     initial_joint_noise_rad: float = 0.03
     """Standard deviation of the noise on every arm joint at reset (thesis: 0.1)."""
 
+    gravity_sigma_mps2: float = 0.02
+    """Standard deviation of the strength of gravity around 9.81 m/s^2 if ``randomise.gravity`` draws it."""
+
+    randomise: RandomisationCfg = field(default_factory=RandomisationCfg)
+    """What differs between episodes."""
+
     workspace: WorkspaceCfg = field(default_factory=WorkspaceCfg)
     """Where things happen."""
 
@@ -204,6 +197,9 @@ class EnvCfg:
     camera: CameraCfg = field(default_factory=CameraCfg)
     """What sees it."""
 
+    appearance: AppearanceCfg = field(default_factory=AppearanceCfg)
+    """How differently it may look."""
+
     observation: ObservationCfg = field(default_factory=ObservationCfg)
     """What the policy is given."""
 
@@ -211,13 +207,30 @@ class EnvCfg:
     """What it is paid."""
 
     def __post_init__(self) -> None:
-        _require(self.control_hz > 0, f"env.control_hz must be positive, got {self.control_hz}")
+        require(self.control_hz > 0, f"env.control_hz must be positive, got {self.control_hz}")
         substeps = self.physics_hz / self.control_hz
-        _require(
+        require(
             substeps >= 1 and abs(substeps - round(substeps)) < 1e-9,
             f"env.physics_hz must be a multiple of env.control_hz, got {self.physics_hz} and {self.control_hz}",
         )
-        _require(self.episode_steps >= 1, f"env.episode_steps must be at least 1, got {self.episode_steps}")
-        _require(
+        require(
+            self.initial_joint_noise_rad >= 0,
+            f"env.initial_joint_noise_rad must not be negative, got {self.initial_joint_noise_rad}",
+        )
+        require(
+            0 <= self.gravity_sigma_mps2 <= 2.0,
+            f"env.gravity_sigma_mps2 must be in [0, 2], got {self.gravity_sigma_mps2}",
+        )
+        require(
+            not self.randomise.latency or self.action.latency_s[1] <= 1.0 / self.control_hz,
+            f"env.action.latency_s must not exceed the control period of {1.0 / self.control_hz:g} s, "
+            f"got {self.action.latency_s}",
+        )
+        require(
+            not (self.randomise.latency and self.action.execution == "planned"),
+            "env.randomise.latency works with env.action.execution cartesian only, got planned",
+        )
+        require(self.episode_steps >= 1, f"env.episode_steps must be at least 1, got {self.episode_steps}")
+        require(
             self.fresh_scene_every_n >= 1, f"env.fresh_scene_every_n must be at least 1, got {self.fresh_scene_every_n}"
         )

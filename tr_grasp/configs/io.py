@@ -13,7 +13,7 @@ A file holds only what differs from its parent::
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,7 +24,7 @@ from tr_grasp.configs.flags import parse
 from tr_grasp.configs.train import TrainCfg
 from tr_grasp.errors import ConfigError, unknown_name
 
-__all__ = ["dump_yaml", "load_cfg", "load_train_cfg", "parse", "preset_names"]
+__all__ = ["dump_yaml", "load_cfg", "load_train_cfg", "parse", "preset_names", "read_yaml"]
 
 T = TypeVar("T")
 
@@ -52,6 +52,24 @@ def load_cfg(default: T, name_or_path: str | Path) -> T:
     return _load(default, _find(name_or_path, beside=Path()), seen=())
 
 
+def read_yaml(path: str | Path, name: str | None = None) -> Any:
+    """What any YAML file holds: mappings, lists, numbers and text, nothing else.
+
+    Args:
+        path: The file.
+        name: What errors call it; its path by default.
+
+    Raises:
+        ConfigError: It cannot be read, or is not YAML.
+    """
+    try:
+        return yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{name or path}: cannot be read: {error}") from None
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{name or path}: not YAML: {_one_line(error)}") from None
+
+
 def preset_names() -> list[str]:
     """Names of the presets that come with the package."""
     return sorted(path.stem for path in _PRESETS.glob("*.yaml"))
@@ -62,21 +80,37 @@ def dump_yaml(cfg: Any) -> str:
     return yaml.dump(plain(cfg), Dumper=_Dumper, sort_keys=False, width=120)
 
 
-def _load(default: T, path: Path, seen: tuple[Path, ...]) -> T:
-    source = _label(path)
-    if path.resolve() in seen:
-        raise ConfigError(f"{source}: extends itself, by way of {' and '.join(_label(parent) for parent in seen)}")
-    delta = _read(path, source)
+def apply(default: T, delta: Mapping[str, Any], *, source: str, beside: Path, seen: tuple[Path, ...] = ()) -> T:
+    """``default`` with what ``delta`` and the parent that it extends change.
+
+    Args:
+        default: Where the oldest parent starts from.
+        delta: Settings by name, as read from YAML.
+        source: What errors name as the place of the mistake.
+        beside: Folder where the path of a parent starts.
+        seen: Files on the way here, none of which may come again.
+
+    Raises:
+        ConfigError: As :func:`load_train_cfg`.
+    """
+    delta = dict(delta)
     parent = delta.pop(_EXTENDS, None)
     if parent is not None:
         if not isinstance(parent, str):
             raise ConfigError(f"{source}: {_EXTENDS}: must be the name of one preset or file, got {parent!r}")
         try:
-            parent_path = _find(parent, beside=path.parent)
+            parent_path = _find(parent, beside=beside)
         except ConfigError as error:
             raise ConfigError(f"{source}: {_EXTENDS}: {error}") from None
-        default = _load(default, parent_path, (*seen, path.resolve()))
+        default = _load(default, parent_path, seen)
     return build(default, delta, source=source)
+
+
+def _load(default: T, path: Path, seen: tuple[Path, ...]) -> T:
+    source = _label(path)
+    if path.resolve() in seen:
+        raise ConfigError(f"{source}: extends itself, by way of {' and '.join(_label(parent) for parent in seen)}")
+    return apply(default, read_mapping(path, source), source=source, beside=path.parent, seen=(*seen, path.resolve()))
 
 
 def _find(name_or_path: str | Path, beside: Path) -> Path:
@@ -99,13 +133,13 @@ def _label(path: Path) -> str:
     return f"presets/{path.name}" if path.parent == _PRESETS else str(path)
 
 
-def _read(path: Path, source: str) -> dict[str, Any]:
-    try:
-        document = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{source}: cannot be read: {error}") from None
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{source}: not YAML: {_one_line(error)}") from None
+def read_mapping(path: Path, source: str) -> dict[str, Any]:
+    """The content of a YAML file, which must be names with values.
+
+    Raises:
+        ConfigError: It cannot be read, or is something else; the sentence begins with ``source``.
+    """
+    document = read_yaml(path, source)
     if document is None:
         return {}
     if not isinstance(document, dict):

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from tr_grasp.configs.agent import AlgorithmCfg, NetworkCfg
-from tr_grasp.configs.env import EnvCfg, _require
+from tr_grasp.configs.checks import require
+from tr_grasp.configs.env import EnvCfg
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,12 @@ class OptimiserCfg:
     gradient_clip: float = 10.0
     """Largest gradient norm (0: no clipping)."""
 
-    averaging: float = 0.998
+    averaging: float = 0.98
     """The policy that is judged and saved is a running mean of the weights, which keeps this share of itself at every
     update (0: the latest weights, thesis)."""
 
     def __post_init__(self) -> None:
-        _require(0 <= self.averaging < 1, f"optimiser.averaging must be in [0, 1), got {self.averaging}")
+        require(0 <= self.averaging < 1, f"optimiser.averaging must be in [0, 1), got {self.averaging}")
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,9 @@ class ReplayCfg:
 
     symmetry_augmentation: bool = True
     """Turn and mirror each transition by a random element of the cube's symmetry about the vertical."""
+
+    timeout: Literal["bootstrap", "terminal"] = "bootstrap"
+    """An episode that ran out of time: value its last state like any other, or as the end of all reward (thesis)."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,9 @@ class DemonstrationCfg:
 
     episode_steps: int = 20
     """Demonstration episodes are cut here."""
+
+    file: str | None = None
+    """Take the first ``transitions_n`` of a file that `tr-grasp demos record` wrote, instead of recording."""
 
 
 @dataclass(frozen=True)
@@ -109,20 +116,27 @@ class TrainerCfg:
     updates_per_step: float = 0.5
     """Gradient steps per environment step."""
 
+    updates_per_episode: int = 0
+    """Gradient steps per finished episode, whatever its length, beside those per step (thesis: 100)."""
+
     learning_starts: int = 200
     """Environment steps before the first update."""
 
     random_steps: int = 0
     """Environment steps with uniformly random actions at the beginning."""
 
-    collector: Literal["process", "inline"] = "process"
-    """Collect in processes beside the learner, or in turn with it (exactly resumable)."""
+    collector: Literal["process", "inline", "ray"] = "process"
+    """Collect in processes beside the learner, in turn with it (exactly resumable), or in processes that Ray runs on
+    this and other machines (extra ``ray``)."""
 
     workers_n: int = 1
     """Collecting processes."""
 
+    envs_per_worker_n: int = 1
+    """Environments of each process, which the policy serves in one batch."""
+
     steps_per_batch: int = 100
-    """Environment steps that a collector hands over at once."""
+    """Environment steps that a collector hands over at once, of all its environments together."""
 
     threads_n: int = 1
     """Threads of the learner."""
@@ -140,15 +154,27 @@ class TrainerCfg:
     """Where the learner's networks live: ``cpu`` or ``cuda``."""
 
     def __post_init__(self) -> None:
-        _require(self.steps_per_batch >= 1, f"trainer.steps_per_batch must be at least 1, got {self.steps_per_batch}")
-        _require(self.episode_steps >= 1, f"trainer.episode_steps must be at least 1, got {self.episode_steps}")
-        _require(
+        require(self.steps_per_batch >= 1, f"trainer.steps_per_batch must be at least 1, got {self.steps_per_batch}")
+        require(self.episode_steps >= 1, f"trainer.episode_steps must be at least 1, got {self.episode_steps}")
+        require(
             0 <= self.deterministic_share <= 1,
             f"trainer.deterministic_share must be 0..1, got {self.deterministic_share}",
         )
-        _require(self.workers_n >= 1, f"trainer.workers_n must be at least 1, got {self.workers_n}")
-        _require(
+        require(self.workers_n >= 1, f"trainer.workers_n must be at least 1, got {self.workers_n}")
+        require(
+            self.envs_per_worker_n >= 1, f"trainer.envs_per_worker_n must be at least 1, got {self.envs_per_worker_n}"
+        )
+        require(
+            self.steps_per_batch % self.envs_per_worker_n == 0,
+            f"trainer.steps_per_batch must be a multiple of trainer.envs_per_worker_n, got {self.steps_per_batch} and "
+            f"{self.envs_per_worker_n}",
+        )
+        require(
             self.updates_per_step >= 0, f"trainer.updates_per_step must not be negative, got {self.updates_per_step}"
+        )
+        require(
+            self.updates_per_episode >= 0,
+            f"trainer.updates_per_episode must not be negative, got {self.updates_per_episode}",
         )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
+from torch import Tensor
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from tr_grasp.keys import ACTION, EXPERT_ACTION
@@ -19,32 +20,54 @@ class ExploringPolicy(TensorDictModuleBase):
     """A policy that explores in some episodes and acts deterministically in the others.
 
     A policy that is trained only on what its noise leads to never learns from the states in which its mean gets stuck.
+    For the same reason the policy that will be judged acts without exploring: the running mean of the weights gets
+    stuck in other states than the latest ones.
 
     Args:
         policy: The policy; TorchRL's exploration type decides whether it samples.
         noise: Standard deviation of the Gaussian noise on its sampled actions.
         deterministic_share: Share of episodes without exploration, drawn when an episode begins.
+        judged: The policy of these episodes; ``policy`` if not given.
     """
 
-    def __init__(self, policy: TensorDictModuleBase, noise: float, deterministic_share: float = 0.0) -> None:
+    def __init__(
+        self,
+        policy: TensorDictModuleBase,
+        noise: float,
+        deterministic_share: float = 0.0,
+        judged: TensorDictModuleBase | None = None,
+    ) -> None:
         self.in_keys, self.out_keys = [*policy.in_keys, STEP_COUNT], [ACTION]
         super().__init__()
         self.policy = policy
+        self.judged = policy if judged is None else judged
         self.noise = noise
         self.deterministic_share = deterministic_share
-        self._is_deterministic = False
+        self._is_deterministic = torch.zeros(())
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """Write ``action`` for one environment; shares and noise of 0 draw no random number."""
-        if self.deterministic_share > 0 and int(tensordict[STEP_COUNT]) == 0:
-            self._is_deterministic = float(torch.rand(())) < self.deterministic_share
-        if self._is_deterministic:
-            with set_exploration_type(ExplorationType.DETERMINISTIC):
-                return tensordict.set(ACTION, self.policy(tensordict)[ACTION])
-        action = self.policy(tensordict)[ACTION]
-        if self.noise > 0:
-            action = (action + self.noise * torch.randn_like(action)).clamp(-1, 1)
+        """Write ``action`` for one environment, or a batch of them; shares and noise of 0 draw no random number."""
+        if self.deterministic_share > 0:
+            begins = _begins(tensordict)
+            drawn = (torch.rand(int(begins.sum())) < self.deterministic_share).float()
+            self._is_deterministic = _redrawn(self._is_deterministic, begins, drawn)
+        is_deterministic = self._is_deterministic.bool().expand(tensordict.batch_size)
+        if is_deterministic.all():
+            return tensordict.set(ACTION, self._mean(tensordict))
+        if not is_deterministic.any():
+            return tensordict.set(ACTION, self._sample(tensordict))
+        sampled = self._sample(tensordict[~is_deterministic])
+        action = sampled.new_empty(*tensordict.batch_size, sampled.shape[-1])
+        action[~is_deterministic], action[is_deterministic] = sampled, self._mean(tensordict[is_deterministic])
         return tensordict.set(ACTION, action)
+
+    def _mean(self, tensordict: TensorDictBase) -> Tensor:
+        with set_exploration_type(ExplorationType.DETERMINISTIC):
+            return self.judged(tensordict)[ACTION]
+
+    def _sample(self, tensordict: TensorDictBase) -> Tensor:
+        action = self.policy(tensordict)[ACTION]
+        return (action + self.noise * torch.randn_like(action)).clamp(-1, 1) if self.noise > 0 else action
 
 
 class ScriptedExpert(TensorDictModuleBase):
@@ -58,16 +81,18 @@ class ScriptedExpert(TensorDictModuleBase):
         super().__init__()
         self.noise_scale = tuple(noise_scale)
         self.gripper_flip_probability = gripper_flip_probability
-        self._episode_noise = 0.0
+        self._episode_noise = torch.zeros(())
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """Write ``action`` for one environment."""
-        if int(tensordict[STEP_COUNT]) == 0 and self.noise_scale:
-            self._episode_noise = self.noise_scale[int(torch.randint(len(self.noise_scale), ()))]
+        """Write ``action`` for one environment, or a batch of them."""
+        if self.noise_scale:
+            begins = _begins(tensordict)
+            drawn = torch.tensor(self.noise_scale)[torch.randint(len(self.noise_scale), (int(begins.sum()),))]
+            self._episode_noise = _redrawn(self._episode_noise, begins, drawn)
         action = tensordict[EXPERT_ACTION].clone()
-        action[:-1] += self._episode_noise * torch.randn_like(action[:-1])
-        if torch.rand(()) < self.gripper_flip_probability:
-            action[-1] = -action[-1]
+        action[..., :-1] += self._episode_noise[..., None] * torch.randn_like(action[..., :-1])
+        flipped = torch.rand(tensordict.batch_size) < self.gripper_flip_probability
+        action[..., -1] = torch.where(flipped, -action[..., -1], action[..., -1])
         return tensordict.set(ACTION, action.clamp(-1, 1))
 
 
@@ -80,5 +105,17 @@ class RandomActions(TensorDictModuleBase):
         self.action_n = action_n
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """Write ``action``."""
-        return tensordict.set(ACTION, 2 * torch.rand(self.action_n) - 1)
+        """Write ``action`` for one environment, or a batch of them."""
+        return tensordict.set(ACTION, 2 * torch.rand(*tensordict.batch_size, self.action_n) - 1)
+
+
+def _begins(tensordict: TensorDictBase) -> Tensor:
+    """Where an episode begins, bool ``(*batch,)``."""
+    return tensordict[STEP_COUNT][..., 0] == 0
+
+
+def _redrawn(values: Tensor, begins: Tensor, drawn: Tensor) -> Tensor:
+    """One value an environment, new where its episode begins."""
+    values = values.expand(begins.shape).clone()
+    values[begins] = drawn
+    return values

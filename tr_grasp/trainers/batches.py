@@ -50,6 +50,8 @@ class BatchSampler:
             batch["next"].pop(key, None)
         batch.set(IMITATION_WEIGHT, torch.full((n,), float(imitate)))
         batch["next", "reward"] *= self._cfg.algorithm.reward_scale
+        if self._cfg.replay.timeout == "terminal":
+            batch["next", "terminated"] |= batch["next", "truncated"]
         return batch
 
     def _augment(self, batch: TensorDict) -> TensorDict:

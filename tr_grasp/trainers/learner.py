@@ -16,6 +16,7 @@ from tr_grasp.errors import TrainingDivergedError
 from tr_grasp.files import write_atomically
 from tr_grasp.keys import ACTOR_FEATURES, EXPERT_ACTION, EXPERT_TARGET
 from tr_grasp.modules import Agent, TargetUpdate, build_loss, imitation_loss
+from tr_grasp.modules.encoders import shared_octrees
 from tr_grasp.modules.imitation import TARGET_N, localisation_loss
 from tr_grasp.trainers.batches import IMITATION_WEIGHT
 from tr_grasp.trainers.schedules import imitation_weight, learning_rate, warmup
@@ -39,7 +40,7 @@ class Learner:
         self._cfg = cfg
         self._folder = folder
         self._loss = build_loss(cfg, agent).to(cfg.trainer.device)
-        self._targets = TargetUpdate(self._loss, tau=cfg.algorithm.tau)
+        self.synchronise_targets()
         # Only learning needs it, so it is no part of the agent.
         self._locator = torch.nn.Linear(agent.features_n, TARGET_N).to(cfg.trainer.device)
         networks = [p for name, p in self._loss.named_parameters() if name != "log_alpha"]
@@ -66,8 +67,10 @@ class Learner:
 
     def synchronise_targets(self) -> None:
         """Make the target networks equal to the online ones."""
-        self._targets = TargetUpdate(self._loss, tau=self._cfg.algorithm.tau)
+        statistics = self._cfg.network.target_statistics
+        self._targets = TargetUpdate(self._loss, tau=self._cfg.algorithm.tau, statistics=statistics)
 
+    @shared_octrees()
     def update(self, batch: TensorDict, env_steps: int) -> dict[str, Tensor]:
         """One update with all losses that the settings ask for.
 

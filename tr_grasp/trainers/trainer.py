@@ -19,8 +19,9 @@ from tr_grasp.modules import EnvSpec, save_policy
 from tr_grasp.provenance import provenance
 from tr_grasp.trainers.acting import ExploringPolicy, RandomActions, ScriptedExpert
 from tr_grasp.trainers.checkpoint import load_checkpoint, save_checkpoint
-from tr_grasp.trainers.collect import Collection, CollectPlan, EnvMaker
+from tr_grasp.trainers.collect import Collection, CollectPlan, EnvMaker, environments_of
 from tr_grasp.trainers.interrupt import Interrupt
+from tr_grasp.trainers.load_demonstrations import load_demonstrations
 from tr_grasp.trainers.progress import Averages, Clock, RecentEpisodes, curve, evaluation_line, progress_line
 from tr_grasp.trainers.run_folder import RunFolder
 from tr_grasp.trainers.session import Session
@@ -121,6 +122,9 @@ class Trainer:
         cfg, demonstrations = self._cfg.demonstrations, self._session.demonstrations
         if len(demonstrations) >= cfg.transitions_n or self._interrupt.requested:
             return
+        if cfg.file is not None:
+            self._load_demonstrations()
+            return
         self._report(f"recording {cfg.transitions_n} transitions of the scripted expert")
         expert = ScriptedExpert(cfg.noise_scale, cfg.gripper_flip_probability)
         # Nothing is learned meanwhile, so a process more than later keeps all cores busy.
@@ -130,7 +134,9 @@ class Trainer:
         with Collection(plan, expert) as collection:
             for chunk in collection:
                 before = len(demonstrations)
-                demonstrations.extend(chunk[: cfg.transitions_n - before])
+                for part in environments_of(chunk):
+                    if left := cfg.transitions_n - len(demonstrations):
+                        demonstrations.extend(part[:left])
                 episodes.observe(chunk)
                 if before // LOG_EVERY < len(demonstrations) // LOG_EVERY:
                     self._report(f"{len(demonstrations):>7}/{cfg.transitions_n} transitions")
@@ -139,6 +145,13 @@ class Trainer:
         success = episodes.summary().get("train/success", math.nan)
         self._report(f"{len(demonstrations)} demonstrations, expert's success {100 * success:.0f} % (with noise)")
         self._checkpoint()
+
+    def _load_demonstrations(self) -> None:
+        demonstrations = self._session.demonstrations
+        if not len(demonstrations):  # of a resumed run the checkpoint brings them
+            file = load_demonstrations(self._cfg, demonstrations)
+            self._report(f"{len(demonstrations)} demonstrations of the {file.transitions_n} in '{file.path}'")
+            self._checkpoint()
 
     def _pretrain(self) -> None:
         session = self._session
@@ -172,7 +185,7 @@ class Trainer:
             for chunk in collection:
                 before = counters.env_steps
                 self._store(chunk)
-                self._improve(len(chunk))
+                self._improve(chunk.numel(), int(chunk["next", "done"].sum()))
                 self._push()
                 collection.push_weights()
                 evaluation_due = self._passed(before, cfg.evaluate_every) or self._ends_unjudged()
@@ -197,8 +210,8 @@ class Trainer:
         if is_random:
             return Collection(plan, RandomActions(self._action_n))
         self._push()
-        acting = ExploringPolicy(self._policy, self._cfg.algorithm.action_noise, cfg.deterministic_share)
-        return Collection(plan, acting)
+        noise = self._cfg.algorithm.action_noise
+        return Collection(plan, ExploringPolicy(self._policy, noise, cfg.deterministic_share, self._judged))
 
     def _plan(self, *, labels: bool, workers_n: int | None = None, **changes: Any) -> CollectPlan:
         cfg = self._cfg
@@ -211,30 +224,32 @@ class Trainer:
             steps_per_batch=cfg.trainer.steps_per_batch,
             mode=cfg.trainer.collector,
             workers_n=workers_n or cfg.trainer.workers_n,
+            envs_per_worker_n=cfg.trainer.envs_per_worker_n,
             **changes,
         )
 
     def _store(self, chunk: TensorDictBase) -> None:
-        self._session.experience.extend(chunk)
+        for part in environments_of(chunk):
+            self._session.experience.extend(part)
         self._session.episodes.observe(chunk)
-        self._session.counters.env_steps += len(chunk)
+        self._session.counters.env_steps += chunk.numel()
 
-    def _improve(self, steps_n: int) -> None:
-        counters = self._session.counters
-        if counters.env_steps < self._cfg.trainer.learning_starts:
+    def _improve(self, steps_n: int, episodes_n: int) -> None:
+        cfg, counters = self._cfg.trainer, self._session.counters
+        if counters.env_steps < cfg.learning_starts:
             return
-        counters.owed_updates += steps_n * self._cfg.trainer.updates_per_step
+        counters.owed_updates += steps_n * cfg.updates_per_step + episodes_n * cfg.updates_per_episode
         while counters.owed_updates >= 1:
             self._losses.add(self._session.learner.update(self._session.sampler.mixed(), counters.env_steps))
             counters.owed_updates -= 1
 
     def _push(self) -> None:
         self._policy.load_state_dict(self._session.agent.policy.state_dict())
+        self._judged.load_state_dict(self._session.learner.average.policy.state_dict())
 
     def _evaluate(self) -> dict[str, float]:
         counters = self._session.counters
         average = self._session.learner.average
-        self._judged.load_state_dict(average.policy.state_dict())
         scores = self._evaluate_policy(self._judged)
         rank = [scores["success"], scores.get("reward", 0.0)]
         is_best = rank > counters.best

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from torch.nn.modules.batchnorm import _BatchNorm
 from torchrl.objectives import SoftUpdate
 
@@ -19,11 +21,14 @@ class TargetUpdate(SoftUpdate):
     Args:
         loss: Its target networks are made equal to the online ones, buffers included.
         tau: Share of the online parameters that enters the target parameters at each step.
+        statistics: ``initial`` leaves the running statistics as they were when the targets were made.
     """
 
-    def __init__(self, loss: SharedEncoderLoss, tau: float) -> None:
+    def __init__(
+        self, loss: SharedEncoderLoss, tau: float, statistics: Literal["follow", "initial"] = "follow"
+    ) -> None:
         super().__init__(loss, tau=tau)
-        keys = _statistics(loss)
+        keys = _statistics(loss) if statistics == "follow" else []
         self._online = loss.encoder_network_params.select(*keys)
         self._target = loss.target_encoder_network_params.select(*keys)
 

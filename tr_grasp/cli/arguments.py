@@ -1,0 +1,41 @@
+"""Flags of a verb that stand beside those of the settings."""
+
+from __future__ import annotations
+
+from tr_grasp.errors import ConfigError
+
+
+def take(args: list[str], flag: str, what: str) -> tuple[str | None, list[str]]:
+    """The value of a flag, and the arguments without it.
+
+    Args:
+        args: What follows the verb.
+        flag: ``--like-this``; an underscore is as good as a hyphen.
+        what: What its value is, for the error.
+
+    Raises:
+        ConfigError: The flag stands there without a value.
+    """
+    for index, arg in enumerate(args):
+        name, equals, value = arg.partition("=")
+        if name.replace("_", "-") != flag:
+            continue
+        if equals:
+            return value, [*args[:index], *args[index + 1 :]]
+        if index + 1 == len(args) or args[index + 1].startswith("--"):
+            raise ConfigError(f"{flag} needs {what}.")
+        return args[index + 1], [*args[:index], *args[index + 2 :]]
+    return None, args
+
+
+def whole_number(text: str | None, flag: str, default: int) -> int:
+    """A value of :func:`take` as a number of at least 1.
+
+    Raises:
+        ConfigError: It is none.
+    """
+    if text is None:
+        return default
+    if not text.isdecimal() or int(text) < 1:
+        raise ConfigError(f"{flag} must be a whole number of at least 1, got {text}.")
+    return int(text)
