@@ -111,5 +111,7 @@ say "the first time takes some minutes; details go to $LOG"
 install_torch
 say "installing the project and its dependencies"
 pip_install -e '.[dev]'
+# The tests compare with this library. It asks for torchvision, which it hardly uses and which would bring another torch.
+pip_install --no-deps "$(sed -n 's/^# without its dependencies: \(ocnn==.*\)/\1/p' constraints.txt)"
 printf '%s\n' "$wanted" >"$STAMP"
 say "done in $(($(date +%s) - started)) s"

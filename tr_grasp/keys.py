@@ -12,6 +12,12 @@ OCTREE = "octree"
 PROPRIO = "proprio"
 """float32 ``(stack, 10)``: gripper reading, tcp position [m], first two columns of R_base_tcp."""
 
+COLOUR_IMAGE = "colour_image"
+"""uint8 ``(stack, 3, h, w)``: the camera's colour pictures; only with ``observation.image`` on."""
+
+DEPTH_IMAGE = "depth_image"
+"""float32 ``(stack, 1, h, w)``: its depth pictures with their noise [m], 0 where nothing was seen; likewise."""
+
 STAGES = "stages"
 """float32 ``(4,)``: which of reach, touch, grasp, lift were reached in this episode (critic only)."""
 

@@ -140,11 +140,10 @@ def test_an_episode_without_objects_in_reach_ends_as_fallen_out(env):
     assert int(after[keys.OUTCOME]) == Outcome.FELL_OUT
 
 
-def test_a_camera_that_sees_nothing_of_the_cube_gives_an_empty_frame():
+def test_a_camera_that_looks_past_the_cube_is_refused_with_where_both_are():
     cfg = EnvCfg(objects=ONE, workspace=WorkspaceCfg(centre_m=(0.5, 0.0, 0.9)))
-    env = make_env(cfg, seed=1)
-    assert int((env.reset()[keys.OCTREE].codes >= 0).sum()) == 0
-    env.close()
+    with pytest.raises(ConfigError, match=r"camera at \(1.000, -0.350, 0.600\) m looks past .* \(0.380, -0.12"):
+        make_env(cfg, seed=1)
 
 
 def test_the_thesis_rate_of_2_5_hz_takes_40_physics_steps():
@@ -188,7 +187,7 @@ def test_what_is_cast_where_it_matters_gives_the_octree_of_the_whole_picture(env
     env.reset()
     view, cfg = env.task.view, env.task.cfg
     whole = RaycastCamera(view.raycast, task_camera(cfg))
-    everywhere = OctreeSensor(cfg, lambda: whole.capture(view.poses())).observe(np.random.default_rng(0))
-    quick = OctreeSensor(cfg, view.capture).observe(np.random.default_rng(0))
+    everywhere = OctreeSensor(cfg, lambda: whole.capture(view.poses()), view.camera).observe(np.random.default_rng(0))
+    quick = OctreeSensor(cfg, view.capture, view.camera).observe(np.random.default_rng(0))
     assert torch.equal(everywhere.codes, quick.codes)
     assert torch.equal(everywhere.features, quick.features)

@@ -17,6 +17,7 @@ from tr_grasp.modules.encoders import (
     build_encoder,
     encoder_options,
 )
+from tr_grasp.modules.encoders.frames import merge_frames, shared_octrees
 from tr_grasp.modules.encoders.localising import OFFSET_SCALE
 from tr_grasp.modules.encoders.readout import MOMENT_SCALE, SpatialReadout
 from tr_grasp.modules.encoders.tool_frame import tool_pose
@@ -265,7 +266,7 @@ def test_unknown_names_and_foreign_channels_are_refused() -> None:
         build_encoder("vanila_ocnn")
     with pytest.raises(ConfigError, match="in_channels must be 7"):
         build_encoder("vanilla_ocnn", in_channels=4, spec=SPEC)
-    with pytest.raises(ConfigError, match="image_cnn reads an image, and observations have none"):
+    with pytest.raises(ConfigError, match="image_cnn reads an image, and agents are given octrees"):
         build_encoder("image_cnn")
 
 
@@ -304,3 +305,18 @@ def test_a_stack_of_another_length_is_refused() -> None:
     encoder = build_encoder("localising_ocnn", spec=SPEC, stack_n=2)
     with pytest.raises(ValueError, match=r"\(B, 2\)"):
         encoder(*random_batch(2))
+
+
+def test_equal_frames_share_one_octree_only_where_that_is_asked_for() -> None:
+    frames, others = random_frames(2), random_frames(2, seed=9)
+    assert merge_frames(frames, SPEC) is not merge_frames(frames, SPEC)
+    with shared_octrees():
+        first = merge_frames(frames, SPEC)
+        assert merge_frames(frames.clone(), SPEC) is first
+        assert merge_frames(others, SPEC) is not first
+        assert merge_frames(frames, SPEC, "siblings") is not first
+        recoloured = frames.clone()
+        recoloured.features[0, 0, 4] += 0.25
+        assert merge_frames(recoloured, SPEC) is not first
+    with shared_octrees():
+        assert merge_frames(frames, SPEC) is not first

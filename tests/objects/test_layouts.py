@@ -16,6 +16,7 @@ from tr_grasp.objects.collision_parts import load_parts
 from tr_grasp.objects.layouts import objects_in, sdf_scale
 from tr_grasp.objects.meshes import load_files, load_object
 from tr_grasp.objects.rejection import RejectedMesh
+from tr_grasp.objects.visual_mesh import VISUAL_FACES_MAX, load_visual
 
 BOX_M = (0.04, 0.06, 0.08)
 
@@ -159,3 +160,22 @@ def test_a_google_scan_without_its_mesh_or_with_a_broken_texture_is_named(tmp_pa
     (folder / "meshes" / "model.obj").unlink()
     with pytest.raises(RejectedMesh, match=r"model.obj is missing: without it cameras cannot see the object"):
         load_object(folder)
+
+
+def test_a_picture_on_few_triangles_can_be_made_out(tmp_path):
+    """A plate of 12 triangles whose top shows a picture with a red and a blue half."""
+    solid = shapes.box((0.08, 0.08, 0.02))
+    lines = ["mtllib model.mtl", "usemtl material_0"]
+    lines += [f"v {x} {y} {z}" for x, y, z in solid.vertices]
+    lines += [f"vt {x / 0.08 + 0.5} {y / 0.08 + 0.5}" for x, y, _ in solid.vertices]
+    lines += ["f " + " ".join(f"{i}/{i}" for i in face + 1) for face in solid.faces]
+    (tmp_path / "model.obj").write_text("\n".join(lines) + "\n")
+    write_texture(tmp_path / "texture.png")
+    mesh, colours = load_visual(tmp_path / "model.obj", texture=tmp_path / "texture.png")
+    assert len(solid.faces) < 500 < len(mesh.faces) <= VISUAL_FACES_MAX
+    np.testing.assert_allclose(np.sort(mesh.bounds, axis=0), np.sort(solid.bounds, axis=0), atol=1e-6)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(solid.volume)
+    middle = mesh.triangles_center[:, 0]
+    assert (colours[middle < -0.011] == [1, 0, 0]).all()
+    assert (colours[middle > 0.011] == [0, 0, 1]).all()

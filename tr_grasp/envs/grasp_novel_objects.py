@@ -17,16 +17,24 @@ from numpy.typing import NDArray
 
 from tr_grasp import keys
 from tr_grasp.configs import EnvCfg
+from tr_grasp.envs.appearance import draw_look, tinted_models
+from tr_grasp.envs.camera_pose import random_camera, require_outside
 from tr_grasp.envs.contacts import Contacts, read_contacts
+from tr_grasp.envs.drawn_scene import light_scene
+from tr_grasp.envs.execution import controller_config
 from tr_grasp.envs.expert import ToolState
+from tr_grasp.envs.image_observation import picture_tensors
+from tr_grasp.envs.latency import draw_delay_substeps
 from tr_grasp.envs.outcome import outcome_of
 from tr_grasp.envs.placement import all_inside, drop_poses, inside
 from tr_grasp.envs.rewards import STAGES, completed_stages, reward_terms
-from tr_grasp.envs.robot_bodies import TABLE_COLOUR, link_bodies
+from tr_grasp.envs.robot_bodies import link_bodies
 from tr_grasp.envs.scene_view import SceneView
 from tr_grasp.envs.scripted_expert import Label, ScriptedExpert
 from tr_grasp.envs.sensor import OctreeSensor
 from tr_grasp.envs.settling import drop
+from tr_grasp.envs.streams import Stream, stream, uniform_or_middle
+from tr_grasp.errors import ConfigError
 from tr_grasp.grasps import gripper_shape
 from tr_grasp.objects import ObjectSet, object_set
 from tr_grasp.objects.actors import add_object
@@ -35,7 +43,6 @@ from tr_grasp.robots import robot_names, robot_spec
 from tr_grasp.robots.agents import (
     CartesianArm,
     CartesianController,
-    CartesianControllerConfig,
     CartesianPanda,
     agent_class,
 )
@@ -44,6 +51,7 @@ from tr_grasp.sensing import Body
 
 Array = NDArray[np.floating]
 COLLECT_GARBAGE_EVERY = 25
+GRAVITY_MPS2 = 9.81
 
 
 @lru_cache(maxsize=8)
@@ -75,6 +83,7 @@ class GraspNovelObjectsEnv(BaseEnv):
     def __init__(self, *args: Any, cfg: EnvCfg | None = None, robot_uids: str | None = None, **kwargs: Any) -> None:
         self.cfg = cfg or EnvCfg()
         robot = robot_uids or self.cfg.robot
+        self._robot_uid = robot
         self._agent_class, self._robot, self._gripper = agent_class(robot), robot_spec(robot), gripper_shape(robot)
         self.SUPPORTED_ROBOTS = [*robot_names(), self._robot.name]
         kwargs.setdefault("sim_backend", "physx_cpu")
@@ -116,15 +125,23 @@ class GraspNovelObjectsEnv(BaseEnv):
         return 1.0 / self.cfg.control_hz
 
     def _setup_scene(self) -> None:
+        if self.cfg.randomise.gravity:
+            self.sim_config.scene_config.gravity = np.array([0.0, 0.0, -self._draw_gravity_mps2()])
         super()._setup_scene()
         self._sim_steps_per_control = round(self.cfg.physics_hz / self.cfg.control_hz)
+
+    def _draw_gravity_mps2(self) -> float:
+        return GRAVITY_MPS2 + self.cfg.gravity_sigma_mps2 * self._stream(Stream.GRAVITY).standard_normal()
+
+    def _stream(self, which: Stream) -> np.random.Generator:
+        return stream(int(self._episode_seed[0]), which)
 
     def _load_agent(self, options: dict) -> None:
         w, a = self.cfg.workspace, self.cfg.action
         half = w.side_m / 2
         x, y, _ = w.centre_m
         low, high = w.tcp_height_m
-        controller = CartesianControllerConfig(
+        controller = controller_config(self.cfg, self._robot_uid)(
             joint_names=[],
             substeps_n=self._sim_steps_per_control,
             timestep_s=1.0 / self.cfg.physics_hz,
@@ -138,25 +155,22 @@ class GraspNovelObjectsEnv(BaseEnv):
         )
 
     def _load_scene(self, options: dict) -> None:
-        rng = np.random.default_rng([int(self._episode_seed[0]), 0])
-        cfg = self.cfg.objects
+        rng, cfg, randomise = self._stream(Stream.SCENE), self.cfg.objects, self.cfg.randomise
         builder = self.scene.create_actor_builder()
         builder.add_plane_collision(sapien.Pose(q=[0.7071068, 0, -0.7071068, 0]))
         builder.initial_pose = sapien.Pose()
-        if self.scene.can_render():
-            material = sapien.render.RenderMaterial(base_color=[*TABLE_COLOUR, 1.0])
-            builder.add_box_visual(sapien.Pose([0, 0, -0.005]), [1.0, 1.0, 0.005], material)
         self._table = builder.build_static("table")
         chosen = _objects(cfg.source, cfg.split, cfg.diagonal_range_m, cfg.overlap)
         count = int(rng.integers(cfg.count_range[0], cfg.count_range[1] + 1))
-        self.models = [chosen.sample(rng) for _ in range(count)]
+        self.models = [chosen.sample(rng) for _ in range(count if randomise.object_count else cfg.count_range[1])]
+        self.models = tinted_models(self.cfg, int(self._episode_seed[0]), self.models)
         actors = [
             add_object(
                 self.scene,
                 model,
                 f"object_{i}",
-                mass_kg=float(rng.uniform(*cfg.mass_range_kg)),
-                friction=float(rng.uniform(*cfg.friction_range)),
+                mass_kg=uniform_or_middle(cfg.mass_range_kg, rng, uniform=randomise.object_properties),
+                friction=uniform_or_middle(cfg.friction_range, rng, uniform=randomise.object_properties),
             )
             for i, model in enumerate(self.models)
         ]
@@ -178,8 +192,13 @@ class GraspNovelObjectsEnv(BaseEnv):
         seen_links = [(links[name].entity, body) for name, body in self._link_bodies.items()]
         visuals = [Body(m.visual.vertices, m.visual.faces, m.face_colours) for m in self.models]
         seen_objects = list(zip(self._entities, visuals, strict=True))
-        self.view = SceneView(self.cfg, self.scene.sub_scenes[0], seen_links, seen_objects)
-        self._sensor = OctreeSensor(self.cfg, self.view.capture)
+        self.view = SceneView(self.cfg, self.scene.sub_scenes[0], seen_links, seen_objects, self.scene.can_render())
+        self._sensor = OctreeSensor(self.cfg, self.view.capture, self.view.camera)
+
+    @property
+    def sensor(self) -> OctreeSensor:
+        """What turns pictures into octrees, with the last picture."""
+        return self._sensor
 
     @property
     def controller(self) -> CartesianController:
@@ -189,17 +208,31 @@ class GraspNovelObjectsEnv(BaseEnv):
     # ---- episode -----------------------------------------------------------------------------------------------
 
     def _initialize_episode(self, env_idx: torch.Tensor, options: dict) -> None:
-        self._rng = np.random.default_rng([int(self._episode_seed[0]), 1])
+        randomise = self.cfg.randomise
+        self._rng = self._stream(Stream.EPISODE)
+        self._noise_rng = self._stream(Stream.STEREO_NOISE) if randomise.depth_noise == "stereo" else self._rng
         self._drop_objects()
         home = self.agent.home_arm_q
-        self._place_arm(home + self._rng.normal(0, self.cfg.initial_joint_noise_rad, len(home)))
+        noise = self._rng.normal(0, self.cfg.initial_joint_noise_rad, len(home))
+        self._place_arm(home + noise if randomise.initial_joints else home)
+        if randomise.latency:
+            latency_s, rng = self.cfg.action.latency_s, self._stream(Stream.LATENCY)
+            self.controller.delay_substeps = draw_delay_substeps(latency_s, self.cfg.physics_hz, rng)
         self.controller.reset()
+        self._aim_camera()
+        self.view.dress(draw_look(self.cfg, int(self._episode_seed[0])))
         self._rest_height = self._positions()[:, 2].copy()
         self._stages = np.zeros(len(STAGES), bool)
         self._terms: dict[str, float] = {}
         self._contacts = None
         self._expert = ScriptedExpert(self.cfg, self.view.height_map, self._gripper)
-        self._stack: deque[tuple[torch.Tensor, torch.Tensor, torch.Tensor]] = deque(maxlen=self.cfg.observation.stack_n)
+        self._stack: deque[tuple[torch.Tensor, ...]] = deque(maxlen=self.cfg.observation.stack_n)
+
+    def _aim_camera(self) -> None:
+        if self.cfg.randomise.camera_pose:
+            self.view.aim(random_camera(self.cfg, self._stream(Stream.CAMERA_POSE)))
+            self._sensor = OctreeSensor(self.cfg, self.view.capture, self.view.camera)
+        require_outside(self.view.camera, zip(self.models, self.view.object_poses(), strict=True))
 
     def _place_arm(self, arm_q: Array) -> None:
         # Drive targets survive set_qpos: left alone they would pull the arm back while the objects settle.
@@ -217,10 +250,11 @@ class GraspNovelObjectsEnv(BaseEnv):
         aside[0] += np.pi / 2
         self._place_arm(aside)
         diagonals = np.array([model.diagonal_m for model in self.models])
+        rng = self._rng if self.cfg.randomise.object_poses else np.random.default_rng(0)
         drop(
             self.scene.px,
             self._bodies,
-            lambda: drop_poses(diagonals, self.cfg.objects, self.cfg.workspace, self._rng),
+            lambda: drop_poses(diagonals, self.cfg.objects, self.cfg.workspace, rng),
             lambda: all_inside(self._positions(), self.cfg.workspace, -0.01),
             self.cfg.physics_hz,
         )
@@ -283,17 +317,21 @@ class GraspNovelObjectsEnv(BaseEnv):
     def get_obs(self, info: dict | None = None, unflattened: bool = False) -> dict[str, Any]:
         """Look, and stack what was seen on the observations before."""
         info = self.get_info() if info is None else info
-        frame = self._sensor.observe(self._rng)
+        frame = self._sensor.observe(self._noise_rng)
         newest = (frame.codes, frame.features, torch.from_numpy(self._proprioception()))
+        if self.cfg.observation.image:
+            newest += picture_tensors(self._sensor.image)
         while len(self._stack) < self.cfg.observation.stack_n - 1:
             self._stack.append(newest)
         self._stack.append(newest)
-        codes, features, proprio = (torch.stack(column)[None] for column in zip(*self._stack, strict=True))
+        codes, features, proprio, *pictures = (torch.stack(column)[None] for column in zip(*self._stack, strict=True))
         obs: dict[str, Any] = {
             keys.OCTREE: {"codes": codes, "features": features},
             keys.PROPRIO: proprio,
             keys.STAGES: torch.from_numpy(self._stages.astype(np.float32))[None],
         }
+        if pictures:
+            obs[keys.COLOUR_IMAGE], obs[keys.DEPTH_IMAGE] = pictures
         if self.cfg.observation.expert_labels:
             action, target = self.expert_labels()
             obs[keys.EXPERT_ACTION] = torch.from_numpy(action)[None]
@@ -313,6 +351,19 @@ class GraspNovelObjectsEnv(BaseEnv):
     def render_image(self, size_px: int = 320) -> NDArray[np.uint8]:
         """A shaded (size, size, 3) picture of the scene, drawn without a graphics driver."""
         return self.view.picture(size_px)
+
+    def photograph(self, size_px: int = 320) -> NDArray[np.uint8]:
+        """The same (size, size, 3) picture from SAPIEN's renderer.
+
+        Raises:
+            ConfigError: The environment was made without a renderer.
+        """
+        if not self.scene.can_render():
+            raise ConfigError("photograph needs a renderer; make the environment with make_env(..., photographs=True).")
+        return self.view.photograph(size_px)
+
+    def _load_lighting(self, options: dict) -> None:
+        light_scene(self.scene.sub_scenes[0])
 
     def render(self) -> torch.Tensor:
         """(1, 512, 512, 3) uint8 picture of the scene."""

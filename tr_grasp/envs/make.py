@@ -10,18 +10,20 @@ from tr_grasp.envs.torchrl_env import TorchRLGraspEnv
 from tr_grasp.modules import EnvSpec
 
 
-def make_env(cfg: EnvCfg | None = None, seed: int | None = None) -> TorchRLGraspEnv:
+def make_env(cfg: EnvCfg | None = None, seed: int | None = None, *, photographs: bool = False) -> TorchRLGraspEnv:
     """Task I as a TorchRL environment with batch size ``[]``.
 
     Args:
         cfg: The task; defaults to :class:`EnvCfg`'s.
         seed: Seed of its episodes (0 if not given).
+        photographs: Load SAPIEN's renderer even if the task's camera does not need it, for ``task.photograph``.
 
     Raises:
         ConfigError: If the objects or the robot do not exist.
         MeshError: If an object of a folder cannot be simulated.
     """
-    task = gym.make("GraspNovelObjects-v1", cfg=cfg or EnvCfg(), disable_env_checker=True).unwrapped
+    more = {"render_backend": "cpu"} if photographs else {}
+    task = gym.make("GraspNovelObjects-v1", cfg=cfg or EnvCfg(), disable_env_checker=True, **more).unwrapped
     return TorchRLGraspEnv(task, seed)
 
 

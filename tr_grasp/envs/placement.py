@@ -27,7 +27,7 @@ def drop_poses(
         spots = [rng.uniform(-0.025, 0.025, 2) for _ in diagonals_m]
         heights = 0.5 * diagonals_m[0] + 0.02 + np.concatenate([[0.0], np.cumsum(diagonals_m[1:] * 0.8)])
     else:
-        spots = _apart(len(diagonals_m), 0.35 * workspace.side_m, float(np.mean(diagonals_m)), rng)
+        spots = _apart(len(diagonals_m), objects.spread / 2 * workspace.side_m, float(np.mean(diagonals_m)), rng)
         heights = 0.5 * diagonals_m + 0.01
     centre = np.array(workspace.centre_m[:2])
     return [
@@ -49,8 +49,8 @@ def _apart(count: int, half_side_m: float, diagonal_m: float, rng: np.random.Gen
             if distance < diagonal_m / 4:
                 raise ConfigError(
                     f"{count} objects with a mean diagonal of {diagonal_m:.3f} m do not fit side by side into a square "
-                    f"of {2 * half_side_m:.3f} m; choose fewer (objects.count_range), a wider workspace.side_m, or "
-                    "objects.arrangement pile."
+                    f"of {2 * half_side_m:.3f} m; choose fewer (objects.count_range), a larger objects.spread or "
+                    "workspace.side_m, or objects.arrangement pile."
                 )
         spots.append(spot)
     return spots

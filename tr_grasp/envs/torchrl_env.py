@@ -51,6 +51,10 @@ class TorchRLGraspEnv(EnvBase):
             keys.OUTCOME: Unbounded((1,), dtype=torch.int64),
             keys.SUCCESS: Binary(1, (1,), dtype=torch.bool),
         }
+        if o.image:
+            size = self.task.cfg.camera.image_size_px
+            observation[keys.COLOUR_IMAGE] = Bounded(0, 255, (o.stack_n, 3, size, size), dtype=torch.uint8)
+            observation[keys.DEPTH_IMAGE] = Unbounded((o.stack_n, 1, size, size), dtype=torch.float32)
         if o.expert_labels:
             observation[keys.EXPERT_ACTION] = Bounded(-1.0, 1.0, (5,), dtype=torch.float32)
             observation[keys.EXPERT_TARGET] = Unbounded((6,), dtype=torch.float32)
@@ -91,7 +95,7 @@ class TorchRLGraspEnv(EnvBase):
         )
         out[keys.OUTCOME] = info["outcome"].reshape(1).clone()
         out[keys.SUCCESS] = info["success"].reshape(1).clone()
-        for key in (keys.EXPERT_ACTION, keys.EXPERT_TARGET):
+        for key in (keys.COLOUR_IMAGE, keys.DEPTH_IMAGE, keys.EXPERT_ACTION, keys.EXPERT_TARGET):
             if key in obs:
                 out[key] = obs[key][0]
         return out

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import zip_longest
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.envs import EnvBase
 
-from tr_grasp.envs import Outcome
+from tr_grasp.envs import GraspNovelObjectsEnv, Outcome
 from tr_grasp.evaluation.players import Policy
 from tr_grasp.evaluation.records import EpisodeRecord
 from tr_grasp.evaluation.rollouts import run_episode
@@ -21,6 +22,8 @@ from tr_grasp.keys import OCTREE, OUTCOME, PROPRIO, STAGES
 from tr_grasp.octree import OctreeFrame
 
 IMAGE_PX = 320
+ViewCamera = Literal["raycast", "sapien"]
+"""Who draws the scene: the ray caster, or SAPIEN's renderer where there is a Vulkan device."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +51,7 @@ class Recorder:
     """Watches an episode and keeps every instant of it."""
 
     image_px: int = IMAGE_PX
+    camera: ViewCamera = "raycast"
     steps: list[ReplayStep] = field(default_factory=list)
 
     def __call__(self, env: EnvBase, step: int, action: Tensor | None, state: TensorDictBase) -> None:
@@ -55,7 +59,7 @@ class Recorder:
         self.steps.append(
             ReplayStep(
                 step=step,
-                image=env.task.render_image(size_px=self.image_px),
+                image=self._picture(env.task),
                 octree=state[OCTREE][-1].clone(),
                 proprio=state[PROPRIO][-1].numpy().copy(),
                 action=None if action is None else action.numpy().copy(),
@@ -64,10 +68,15 @@ class Recorder:
             )
         )
 
+    def _picture(self, task: GraspNovelObjectsEnv) -> NDArray[np.uint8]:
+        return task.render_image(self.image_px) if self.camera == "raycast" else task.photograph(self.image_px)
 
-def record_episode(env: EnvBase, policy: Policy, suite: Suite, episode: int) -> tuple[EpisodeRecord, list[ReplayStep]]:
+
+def record_episode(
+    env: EnvBase, policy: Policy, suite: Suite, episode: int, camera: ViewCamera = "raycast"
+) -> tuple[EpisodeRecord, list[ReplayStep]]:
     """Play an episode again. Recording changes nothing: the record equals that of the first time."""
-    recorder = Recorder()
+    recorder = Recorder(camera=camera)
     record = run_episode(env, policy, suite, episode, recorder)
     return record, recorder.steps
 

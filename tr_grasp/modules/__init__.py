@@ -13,6 +13,7 @@ from tr_grasp.modules.encoders import (
     StateMLP,
     VanillaOCNN,
     build_encoder,
+    rgbd_image,
 )
 from tr_grasp.modules.heads import (
     DenseResidualMLP,
@@ -55,6 +56,7 @@ __all__ = [
     "imitation_loss",
     "load_agent",
     "load_policy",
+    "rgbd_image",
     "save_policy",
     "shipped_policies",
 ]

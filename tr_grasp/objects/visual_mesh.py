@@ -23,7 +23,8 @@ def load_visual(
 ) -> tuple[trimesh.Trimesh, NDArray[np.float64]]:
     """A light, outward-facing mesh and ``(faces, 3)`` colours in [0, 1]; grey where the file has no colour.
 
-    Visuals of more than ``VISUAL_FACES_MAX`` triangles are simplified.
+    Visuals with a picture on few triangles are cut finer, so that it can be made out; those of more than
+    ``VISUAL_FACES_MAX`` triangles are simplified.
 
     Args:
         path: A mesh file.
@@ -43,8 +44,10 @@ def load_visual(
         raise RejectedMesh(
             Reason.UNREADABLE, f"{path} is corrupt: a face names a vertex that is not there; export it again."
         )
-    colours = _vertex_colours(loaded, texture)
-    mesh, colours = _simplified(trimesh.Trimesh(vertices, loaded.faces, process=False), colours)
+    loaded.vertices = vertices
+    loaded = _finer(_with_texture(loaded, texture))
+    colours = _vertex_colours(loaded)
+    mesh, colours = _simplified(trimesh.Trimesh(loaded.vertices, loaded.faces, process=False), colours)
     if not mesh.is_winding_consistent or mesh.volume < 0:
         # Renumbers no face, so the colours below still fit.
         trimesh.repair.fix_normals(mesh, multibody=True)
@@ -62,11 +65,28 @@ def _read(path: Path) -> trimesh.Trimesh:
     return loaded
 
 
-def _vertex_colours(mesh: trimesh.Trimesh, texture: Path | None) -> NDArray[np.float64]:
-    """``(v, 3)`` colours in [0, 1] from vertex colours, face colours or a texture; grey if there is none."""
+def _with_texture(mesh: trimesh.Trimesh, texture: Path | None) -> trimesh.Trimesh:
+    """The mesh with the picture of its own, if there is one, on its vertices."""
     visual = mesh.visual
     if isinstance(visual, TextureVisuals) and visual.uv is not None and texture is not None and texture.is_file():
-        visual = TextureVisuals(visual.uv, image=_picture(texture))
+        mesh.visual = TextureVisuals(visual.uv, image=_picture(texture))
+    return mesh
+
+
+def _finer(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """A mesh with a picture, cut into about as many triangles as are allowed: each of them has one colour."""
+    visual = mesh.visual
+    if not isinstance(visual, TextureVisuals) or visual.uv is None or not visual.defined:
+        return mesh
+    vertices, faces, uv = np.asarray(mesh.vertices), mesh.faces, {"uv": np.asarray(visual.uv)}
+    while 4 * len(faces) <= VISUAL_FACES_MAX:
+        vertices, faces, uv = trimesh.remesh.subdivide(vertices, faces, vertex_attributes=uv)
+    return trimesh.Trimesh(vertices, faces, visual=TextureVisuals(uv["uv"], material=visual.material), process=False)
+
+
+def _vertex_colours(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
+    """``(v, 3)`` colours in [0, 1] from vertex colours, face colours or a texture; grey if there is none."""
+    visual = mesh.visual
     if isinstance(visual, TextureVisuals) and visual.defined:
         visual = visual.to_color()
     if not isinstance(visual, ColorVisuals) or not visual.defined:

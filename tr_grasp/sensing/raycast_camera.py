@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tr_grasp.sensing.camera import DepthImage, PinholeCamera
-from tr_grasp.sensing.raycast import RaycastScene
+from tr_grasp.sensing.look import Look, ground_colours
+from tr_grasp.sensing.raycast import RaycastScene, RayHits
 
 Array = NDArray[np.floating]
 NEAR_M = 1e-3
@@ -15,28 +16,55 @@ NEAR_M = 1e-3
 class RaycastCamera:
     """One camera in a scene: what never moves is cast once, what moves only where it may be seen.
 
+    Colours are those of the surfaces (albedo), unless the look has a light.
+
     Args:
-        scene: What is looked at.
+        scene: What is looked at; what never moves in it is the ground.
         camera: Pose and intrinsics.
         wanted: (h, w) pixels that matter, all by default; moving bodies may be missing from the others.
+        look: Texture of the ground, and light.
     """
 
-    def __init__(self, scene: RaycastScene, camera: PinholeCamera, wanted: NDArray[np.bool_] | None = None) -> None:
-        self._scene, self._camera = scene, camera
+    def __init__(
+        self,
+        scene: RaycastScene,
+        camera: PinholeCamera,
+        wanted: NDArray[np.bool_] | None = None,
+        look: Look | None = None,
+    ) -> None:
+        self._scene, self._camera, self._look = scene, camera, look or Look()
         self._shape = (camera.height_px, camera.width_px)
         self._wanted = np.ones(self._shape, bool) if wanted is None else wanted
         still = range(scene.moving_n, scene.moving_n + scene.still_n)
-        self._still = scene.cast(camera.rays_base, np.zeros((0, 4, 4)), still)
+        hits = scene.cast(camera.rays_base, np.zeros((0, 4, 4)), still)
+        self._distance, self._colours = hits.distance, self._still_colours(hits)
 
     def capture(self, poses: Array) -> DepthImage:
         """Take a picture of the moving bodies at ``poses`` (moving, 4, 4) before those that never move."""
-        depth, colour = self._still.distance.copy(), self._still.colours.copy()
+        depth, colour = self._distance.copy(), self._colours.copy()
         bodies, pixels = self._seen(poses)
-        hits = self._scene.cast(self._camera.rays_base[pixels], poses, bodies)
+        rays = self._camera.rays_base[pixels]
+        hits = self._scene.cast(rays, poses, bodies)
         nearer = hits.distance < depth[pixels]
         depth[pixels[nearer]] = hits.distance[nearer]
-        colour[pixels[nearer]] = hits.colours[nearer]
+        colour[pixels[nearer]] = self._lit(hits, hits.colours, rays)[nearer]
         return DepthImage(depth.reshape(self._shape), colour.reshape(*self._shape, 3))
+
+    def _still_colours(self, hits: RayHits) -> Array:
+        """(h * w, 3) colours of the ground."""
+        colours, pixels = hits.colours, np.flatnonzero((hits.body >= 0) & self._wanted.ravel())
+        if self._look.ground is not None:
+            colours = colours.copy()
+            colours[pixels] = ground_colours(self._look.ground, self._camera, pixels)
+        return self._lit(hits, colours, self._camera.rays_base)
+
+    def _lit(self, hits: RayHits, colours: Array, rays: Array) -> Array:
+        """(n, 3) colours of what was hit, in the light if there is one."""
+        if self._look.light is None:
+            return colours
+        away = (hits.normals * rays[:, 3:]).sum(axis=1, keepdims=True) > 0
+        normals = np.where(away, -hits.normals, hits.normals) * (hits.body >= 0)[:, None]
+        return self._look.light.shaded(colours, normals)
 
     def _seen(self, poses: Array) -> tuple[list[int], NDArray[np.integer]]:
         """Moving bodies in the picture, and the flat indices of the wanted pixels that can show one of them."""

@@ -12,7 +12,8 @@ from tr_grasp.configs import WorkspaceCfg
 from tr_grasp.errors import ConfigError, unknown_name
 from tr_grasp.modules.encoders.ahrnet import OAHRNet
 from tr_grasp.modules.encoders.attention import OctreeAttention
-from tr_grasp.modules.encoders.image_cnn import ImageCNN
+from tr_grasp.modules.encoders.frames import shared_octrees
+from tr_grasp.modules.encoders.image_cnn import ImageCNN, rgbd_image
 from tr_grasp.modules.encoders.localising import LocalisingOCNN
 from tr_grasp.modules.encoders.norm import copy_statistics
 from tr_grasp.modules.encoders.point_net import PointNet
@@ -37,6 +38,8 @@ __all__ = [
     "copy_statistics",
     "default_spec",
     "encoder_options",
+    "rgbd_image",
+    "shared_octrees",
 ]
 
 ENCODERS: dict[str, type[nn.Module]] = {
@@ -83,8 +86,8 @@ def build_encoder(
         raise ConfigError(unknown_name("encoder", name, ENCODERS))
     if name == "image_cnn":
         raise ConfigError(
-            "image_cnn reads an image, and observations have none, only octrees; "
-            "stack tr_grasp.modules.ImageCNN in your own code to use it on images."
+            "image_cnn reads an image, and agents are given octrees; in your own code, stack "
+            "tr_grasp.modules.ImageCNN on the rgbd_image of observations with observation.image on."
         )
     spec = spec or default_spec(colour=in_channels == 7)
     if spec.channels != in_channels:

@@ -2,9 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
 import torch
 
 from tr_grasp.octree import Backend, NodeSet, Octree, OctreeFrame, OctreeSpec
+
+Made = list[tuple[OctreeFrame, tuple[OctreeSpec, NodeSet, Backend], Octree]]
+
+_made: ContextVar[Made | None] = ContextVar("octrees made so far", default=None)
+
+
+@contextmanager
+def shared_octrees() -> Iterator[None]:
+    """Within it, encoders that are given equal frames work on one octree, whose tables are made once.
+
+    An update sees most frames more than once: online and target encoders both look at o', and what is the newest
+    observation of o is the last but one of o'. Frames must not be written to meanwhile. Only frames on the CPU are
+    compared: elsewhere that would wait for the device.
+    """
+    token = _made.set([])
+    try:
+        yield
+    finally:
+        _made.reset(token)
 
 
 def merge_frames(
@@ -28,4 +51,17 @@ def merge_frames(
             f"frames must have leaves of depth {spec.depth}, as the octree that the encoder was made for, "
             f"got Morton code {int(frames.codes.max())} of a deeper one."
         )
-    return Octree(frames, spec.depth, node_set, backend)  # type: ignore[abstract]  # its __new__ makes a subclass
+    made = _made.get() if is_known else None
+    if made is None:
+        return Octree(frames, spec.depth, node_set, backend)  # type: ignore[abstract]  # its __new__ makes a subclass
+    settings = (spec, node_set, backend)
+    for known, known_settings, octree in made:
+        if known_settings == settings and _are_equal(known, frames):
+            return octree
+    octree = Octree(frames, spec.depth, node_set, backend)  # type: ignore[abstract]
+    made.append((frames, settings, octree))
+    return octree
+
+
+def _are_equal(a: OctreeFrame, b: OctreeFrame) -> bool:
+    return torch.equal(a.codes, b.codes) and torch.equal(a.features, b.features)

@@ -10,6 +10,16 @@ from torch import Tensor, nn
 from tr_grasp.modules.encoders.grid import PROPRIO_N
 
 
+def rgbd_image(colour_image: Tensor, depth_image: Tensor) -> Tensor:
+    """float32 ``(*batch, 4, H, W)`` of the pictures that an environment with ``observation.image`` gives.
+
+    Args:
+        colour_image: uint8 ``(*batch, 3, H, W)``.
+        depth_image: float32 ``(*batch, 1, H, W)`` [m].
+    """
+    return torch.cat([colour_image.float() / 255, depth_image], dim=-3)
+
+
 class ImageCNN(nn.Module):
     """Strided 3 x 3 convolutions, the mean over each cell of a 4 x 4 grid, and a fully connected layer.
 
