@@ -1,0 +1,237 @@
+"""What each network learns, step by step: its batches, its loss, and the error it is judged by."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import torch
+from torch import Generator, Tensor, nn
+
+from tr_grasp.errors import PredictionError, unknown_name
+from tr_grasp.prediction.datasets import (
+    THESIS_AHEAD_S,
+    THESIS_MOTIONS,
+    THESIS_TRAJECTORIES_N,
+    Corrections,
+    Windows,
+    corrections,
+    thesis_tracks,
+)
+from tr_grasp.prediction.hybrid import features_n
+from tr_grasp.prediction.networks import MotionLSTM, MotionMLP, ResidualNet
+
+BATCH_N = 1000
+SEQUENCE_N = 85
+"""Windows of the shortest trajectory of the thesis' data; longer ones are cut into pieces of this length."""
+VALIDATION_N = 60
+"""Tracks left out, or a tenth if that is less."""
+TRACKS_N = 400
+"""Tracks of the hybrid's data."""
+PROBABLE_68 = 3.506
+"""Squared Mahalanobis distance within which 68 % of a normal distribution in space lies."""
+Progress = Callable[[Iterable[Any], int], Iterable[Any]]
+"""Shows how far one is in an iterable of that many."""
+
+
+class Course(ABC):
+    """One network, its data and its loss."""
+
+    kind: str
+    epochs_n = 200
+    """By default."""
+    steps_n: int
+    """Steps an epoch."""
+    network: nn.Module
+
+    @abstractmethod
+    def loss(self, generator: Generator) -> Tensor:
+        """Of a random batch, with gradient."""
+
+    @abstractmethod
+    def validate(self) -> float:
+        """On data that is not learned from."""
+
+    @abstractmethod
+    def settings(self) -> dict[str, Any]:
+        """What a predictor has to know beside the weights."""
+
+
+class MLPCourse(Course):
+    """The thesis' perceptron on one class of motion: mean squared error, 100 steps of 1000 windows an epoch."""
+
+    kind, steps_n = "mlp", 100
+
+    def __init__(self, motion: str, seed: int, trajectories_n: int = THESIS_TRAJECTORIES_N) -> None:
+        train, validation = thesis_windows(motion, seed, trajectories_n)
+        self.network: nn.Module = MotionMLP()
+        self._inputs = torch.cat([track.inputs for track in train])
+        self._targets = torch.cat([track.targets for track in train])
+        self._validation = validation
+
+    def loss(self, generator: Generator) -> Tensor:
+        """Of 1000 windows."""
+        chosen = torch.randint(len(self._inputs), (BATCH_N,), generator=generator)
+        return nn.functional.mse_loss(self.network(self._inputs[chosen]), self._targets[chosen])
+
+    def validate(self) -> float:
+        """Mean squared error [m²] of all windows of the tracks left out."""
+        return float(torch.tensor(self._squares()).mean())
+
+    def settings(self) -> dict[str, Any]:
+        """Times of the outputs and their errors."""
+        return {"ahead_s": THESIS_AHEAD_S, "sigma_m": torch.tensor(self._squares()).sqrt().tolist()}
+
+    def outputs(self, inputs: Tensor) -> Tensor:
+        """Outputs (tracks, steps, 2, 3) on windows (tracks, steps, 5, 3)."""
+        return self.network(inputs)
+
+    @torch.no_grad()
+    def _squares(self) -> list[float]:
+        """Mean square of both outputs."""
+        by_length: dict[int, list[Windows]] = {}
+        for track in self._validation:
+            by_length.setdefault(len(track.inputs), []).append(track)
+        errors = [
+            (self.outputs(stacked(tracks, "inputs")) - stacked(tracks, "targets")).flatten(0, 1)
+            for tracks in by_length.values()
+        ]
+        return torch.cat(errors).square().mean((0, 2)).tolist()
+
+
+class LSTMCourse(MLPCourse):
+    """The thesis' LSTM: ten steps an epoch, each of 12 sequences of 85 windows, which is about 1000 windows."""
+
+    kind, steps_n = "lstm", 10
+
+    def __init__(self, motion: str, seed: int, trajectories_n: int = THESIS_TRAJECTORIES_N) -> None:
+        super().__init__(motion, seed, trajectories_n)
+        self.network = MotionLSTM()
+        self._tracks = thesis_windows(motion, seed, trajectories_n)[0]
+        del self._inputs, self._targets
+
+    def loss(self, generator: Generator) -> Tensor:
+        """Of 12 random sequences, each from a random window on."""
+        inputs, targets = [], []
+        for index in torch.randint(len(self._tracks), (round(BATCH_N / SEQUENCE_N),), generator=generator).tolist():
+            track = self._tracks[index]
+            start = int(torch.randint(len(track.inputs) - SEQUENCE_N + 1, (), generator=generator))
+            inputs.append(track.inputs[start : start + SEQUENCE_N])
+            targets.append(track.targets[start : start + SEQUENCE_N])
+        outputs, _ = self.network(torch.stack(inputs))
+        return nn.functional.mse_loss(outputs, torch.stack(targets))
+
+    def outputs(self, inputs: Tensor) -> Tensor:
+        """Outputs (tracks, steps, 2, 3) on windows (tracks, steps, 5, 3), the memory empty at the start of a track."""
+        return self.network(inputs)[0]
+
+
+class HybridCourse(Course):
+    """The correction of the filter bank: likelihood of the truth, and its distance."""
+
+    kind, steps_n, epochs_n = "hybrid", 50, 120
+
+    def __init__(self, motion: str, seed: int, tracks_n: int = TRACKS_N, progress: Progress | None = None) -> None:
+        tracks: Iterable[Corrections] = corrections(tracks_n, seed)
+        data = list(progress(tracks, tracks_n) if progress else tracks)
+        border = left_out(len(data))
+        self._train, self._validation = joined(data[border:]), joined(data[:border])
+        self.network = ResidualNet(features_n())
+        features = self._train.features
+        self.network.mean.copy_(features.mean(0))
+        self.network.scale.copy_(features.std(0).clamp(min=1e-3))
+
+    def loss(self, generator: Generator) -> Tensor:
+        """Of 1000 situations."""
+        rows = torch.randint(len(self._train.features), (BATCH_N,), generator=generator)
+        return self._loss(picked(self._train, rows))
+
+    @torch.no_grad()
+    def validate(self) -> float:
+        """The same loss on tracks left out."""
+        return float(self._loss(self._validation))
+
+    @torch.no_grad()
+    def settings(self) -> dict[str, Any]:
+        """By how much the deviations have to grow for 68 % of the truth to be within the 68 % ellipsoid."""
+        normal, _ = self._normal_errors(self._validation)
+        return {"inflation": float((normal.square().sum(-1).quantile(0.68) / PROBABLE_68).sqrt())}
+
+    def _loss(self, data: Corrections) -> Tensor:
+        normal, spread = self._normal_errors(data)
+        deviation = spread + data.scale.log().unsqueeze(-1)
+        # A target that surprises everybody is no reason to forget all others, so far tails count linearly.
+        likelihood = nn.functional.huber_loss(normal, torch.zeros_like(normal), delta=4.0, reduction="none") + deviation
+        distance = nn.functional.smooth_l1_loss(self._means(data)[0], data.truth, beta=0.01)
+        return likelihood.mean() + 20.0 * distance
+
+    def _means(self, data: Corrections) -> tuple[Tensor, Tensor]:
+        gate, residual, spread = self.network(data.features)
+        return (gate.unsqueeze(-1) * data.candidates).sum(1) + data.scale.unsqueeze(-1) * residual, spread
+
+    def _normal_errors(self, data: Corrections) -> tuple[Tensor, Tensor]:
+        """Errors in units of their deviations (n, 3), and the logarithms of those, in units of the scale."""
+        mean, spread = self._means(data)
+        return (data.truth - mean) / (data.scale.unsqueeze(-1) * spread.exp()), spread
+
+
+def thesis_windows(motion: str, seed: int, trajectories_n: int) -> tuple[list[Windows], list[Windows]]:
+    """Training and validation windows of whole trajectories, none of which is in both."""
+    tracks = thesis_tracks(motion, trajectories_n, Generator().manual_seed(seed))
+    border = left_out(trajectories_n)
+    windows = [Windows.of(track) for track in tracks]
+    return windows[border:], windows[:border]
+
+
+def stacked(tracks: list[Windows], name: str) -> Tensor:
+    """Inputs or targets of tracks of one length (tracks, steps, ...)."""
+    return torch.stack([getattr(track, name) for track in tracks])
+
+
+def left_out(tracks_n: int) -> int:
+    """How many of so many tracks validate."""
+    return min(VALIDATION_N, max(1, tracks_n // 10))
+
+
+def joined(data: list[Corrections]) -> Corrections:
+    """All situations of many tracks."""
+    return Corrections(*(torch.cat([getattr(each, name) for each in data]) for name in _FIELDS))
+
+
+def picked(data: Corrections, rows: Tensor) -> Corrections:
+    """Some situations."""
+    return Corrections(*(getattr(data, name)[rows] for name in _FIELDS))
+
+
+_FIELDS = ("features", "candidates", "scale", "truth")
+
+COURSES: dict[str, tuple[type[Course], str]] = {
+    **{f"mlp_{motion}": (MLPCourse, motion) for motion in THESIS_MOTIONS},
+    **{f"lstm_{motion}": (LSTMCourse, motion) for motion in THESIS_MOTIONS},
+    "hybrid": (HybridCourse, "all"),
+}
+"""What can be trained: a course and its motion, under the name of the weights."""
+
+
+def make_course(name: str, seed: int, tracks_n: int | None = None, progress: Progress | None = None) -> Course:
+    """The course of that name in :data:`COURSES`.
+
+    Args:
+        name: Of the weights.
+        seed: Decides data and the first weights.
+        tracks_n: How many trajectories; 2000 as in the thesis, 400 for the hybrid.
+        progress: Shows how far the hybrid's data is, which takes minutes.
+
+    Raises:
+        PredictionError: No such course, or fewer than ten trajectories.
+    """
+    if name not in COURSES:
+        raise PredictionError(unknown_name("network", name, COURSES))
+    if tracks_n is not None and tracks_n < 10:
+        raise PredictionError(f"at least 10 tracks are needed to train and to validate, got {tracks_n}.")
+    course, motion = COURSES[name]
+    torch.manual_seed(seed)
+    if issubclass(course, HybridCourse):
+        return course(motion, seed, tracks_n or TRACKS_N, progress)
+    return course(motion, seed, tracks_n or THESIS_TRAJECTORIES_N)
