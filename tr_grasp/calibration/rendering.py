@@ -1,0 +1,131 @@
+"""Pictures of a board as a colour camera takes them: anti-aliased, blurred, noisy. No simulator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from tr_grasp.calibration.board import BoardSpec
+from tr_grasp.calibration.intrinsics import Intrinsics
+from tr_grasp.calibration.rigid import Array
+from tr_grasp.errors import CalibrationError
+
+TEXELS_PER_M = 8000.0
+SUBPIXELS = 4
+INK, PAPER = 25.0, 225.0
+
+
+@dataclass(frozen=True)
+class ImageNoise:
+    """What a real colour camera adds to an ideal one; grey levels are out of 255."""
+
+    blur_px: float = 0.6
+    """Standard deviation of the blur of the lens, beside that of the pixels themselves."""
+
+    levels: float = 0.0
+    """Standard deviation of each pixel's noise."""
+
+
+def render_board(
+    board: BoardSpec,
+    T_cam_board: Array,
+    camera: Intrinsics,
+    noise: ImageNoise | None = None,
+    rng: np.random.Generator | None = None,
+) -> Array:
+    """A picture (h, w, 3) uint8 RGB of a board before a plain wall.
+
+    Pixels are averaged over 4 x 4 rays, each of which meets the board's plane exactly.
+
+    Args:
+        board: What is shown.
+        T_cam_board: (4, 4) where it is.
+        camera: Without distortion.
+        noise: Blur and noise of the camera.
+        rng: Needed where there is noise.
+
+    Raises:
+        CalibrationError: A camera with distortion, or noise without a generator.
+    """
+    noise = noise or ImageNoise()
+    if any(camera.distortion):
+        raise CalibrationError("pictures are rendered for cameras without distortion.")
+    picture = _wall(camera.height_px, camera.width_px).copy()
+    if T_cam_board[2, 2] > 0:  # else it shows its white back, which nobody looks at
+        _paint(picture, board, T_cam_board, camera)
+    if noise.blur_px > 0:
+        picture = cv2.GaussianBlur(picture, (0, 0), noise.blur_px, borderType=cv2.BORDER_REPLICATE)
+    rgb = picture[..., None] * np.array([1.0, 0.985, 0.96], np.float32)
+    if noise.levels > 0:
+        if rng is None:
+            raise CalibrationError("noise needs a random generator: rng.")
+        rgb = rgb + noise.levels * rng.standard_normal(rgb.shape, np.float32)
+    return np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
+
+
+def _paint(picture: Array, board: BoardSpec, T: Array, camera: Intrinsics) -> None:
+    outline = board.outline_board @ T[:3, :3].T + T[:3, 3]
+    if (outline[:, 2] < 0.05).any():
+        return
+    pixels = camera.project(outline)
+    low = np.maximum(np.floor(pixels.min(0)).astype(int) - 1, 0)
+    high = np.minimum(np.ceil(pixels.max(0)).astype(int) + 2, [camera.width_px, camera.height_px])
+    if (high <= low).any():
+        return
+    size = (high - low) * SUBPIXELS
+    # Pixel u holds the rays u + (k + 0.5) / n - 0.5, k < n; so ray number i is at low + (i + 0.5) / n - 0.5.
+    to_ray = np.array(
+        [[SUBPIXELS, 0, SUBPIXELS * (0.5 - low[0]) - 0.5], [0, SUBPIXELS, SUBPIXELS * (0.5 - low[1]) - 0.5], [0, 0, 1]],
+        float,
+    )
+    m = board.margin_m
+    from_texel = np.array(
+        [[1 / TEXELS_PER_M, 0, 0.5 / TEXELS_PER_M - m], [0, 1 / TEXELS_PER_M, 0.5 / TEXELS_PER_M - m], [0, 0, 1]]
+    )
+    ray_from_texel = to_ray @ camera.matrix @ T[:3, [0, 1, 3]] @ from_texel
+    shape = (int(size[0]), int(size[1]))
+    rays = cv2.warpPerspective(_texture(board), ray_from_texel, shape, flags=cv2.INTER_LINEAR, borderValue=PAPER)
+    cover = np.zeros(shape[::-1], np.float32)
+    corners = np.c_[pixels, np.ones(4)] @ to_ray.T
+    cv2.fillConvexPoly(cover, np.rint(16 * corners[:, :2]).astype(np.int32), 1.0, shift=4)
+    small = (int(high[0] - low[0]), int(high[1] - low[1]))
+    window = picture[low[1] : high[1], low[0] : high[0]]
+    there = cv2.resize(cover, small, interpolation=cv2.INTER_AREA)
+    colour = cv2.resize(rays, small, interpolation=cv2.INTER_AREA)
+    light = _light(T)
+    window[:] = there * colour * light + (1 - there) * window
+
+
+def _light(T_cam_board: Array) -> float:
+    """Brighter where it faces the camera."""
+    return 0.75 + 0.25 * float(T_cam_board[2, 2])
+
+
+@lru_cache(maxsize=4)
+def _texture(board: BoardSpec) -> Array:
+    """Brightness of the board, each texel the exact share of ink and paper in it."""
+    (w, h), m = board.size_m, board.margin_m
+    shape = (round((h + 2 * m) * TEXELS_PER_M), round((w + 2 * m) * TEXELS_PER_M))
+    ink = np.zeros(shape, np.float32)
+    for left, top, right, bottom in (board.black_board + m) * TEXELS_PER_M:
+        rows, columns = _shares(top, bottom), _shares(left, right)
+        y, x = int(top), int(left)
+        part = ink[y : y + len(rows), x : x + len(columns)]
+        part += np.outer(rows, columns)[: part.shape[0], : part.shape[1]]
+    return (PAPER + (INK - PAPER) * np.minimum(ink, 1.0)).astype(np.float32)
+
+
+def _shares(start: float, stop: float) -> Array:
+    """How much of each texel from ``int(start)`` on lies between two positions."""
+    texels = np.arange(int(start), int(np.ceil(stop - 1e-9)))
+    return np.minimum(texels + 1, stop) - np.maximum(texels, start)
+
+
+@lru_cache(maxsize=2)
+def _wall(height_px: int, width_px: int) -> Array:
+    """A quiet background with soft shades."""
+    coarse = np.random.default_rng(3).uniform(70, 135, (6, 8)).astype(np.float32)
+    return cv2.resize(coarse, (width_px, height_px), interpolation=cv2.INTER_CUBIC)

@@ -1,0 +1,68 @@
+"""Small motions of rigid bodies, many at once: six numbers, translation [m] before rotation vector [rad]."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.floating]
+
+
+def inverse(T_a_b: Array) -> Array:
+    """``T_b_a`` (*batch, 4, 4) of rigid ``T_a_b``."""
+    T = np.zeros_like(T_a_b)
+    R = np.swapaxes(T_a_b[..., :3, :3], -1, -2)
+    T[..., :3, :3] = R
+    T[..., :3, 3] = -(R @ T_a_b[..., :3, 3, None])[..., 0]
+    T[..., 3, 3] = 1.0
+    return T
+
+
+def small_motion(T: Array) -> Array:
+    """(*batch, 6) of transforms (*batch, 4, 4)."""
+    vectors = Rotation.from_matrix(T[..., :3, :3].reshape(-1, 3, 3)).as_rotvec()
+    return np.concatenate([T[..., :3, 3], vectors.reshape(*T.shape[:-2], 3)], axis=-1)
+
+
+def transform_of(motion: ArrayLike) -> Array:
+    """(*batch, 4, 4) of small motions (*batch, 6); undoes :func:`small_motion`."""
+    motion = np.asarray(motion, float)
+    T = np.zeros((*motion.shape[:-1], 4, 4))
+    T[..., :3, :3] = Rotation.from_rotvec(motion[..., 3:].reshape(-1, 3)).as_matrix().reshape(*motion.shape[:-1], 3, 3)
+    T[..., :3, 3] = motion[..., :3]
+    T[..., 3, 3] = 1.0
+    return T
+
+
+def adjoint(T: Array) -> Array:
+    """(*batch, 6, 6) that carries a small motion through ``T``: ``T · d(x) ≈ d(adjoint(T) x) · T`` to first order."""
+    R, Ad = T[..., :3, :3], np.zeros((*T.shape[:-2], 6, 6))
+    Ad[..., :3, :3] = Ad[..., 3:, 3:] = R
+    Ad[..., :3, 3:] = skew(T[..., :3, 3]) @ R
+    return Ad
+
+
+def skew(vectors: Array) -> Array:
+    """(*batch, 3, 3) with ``skew(a) @ b == a × b``."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def distance_m(T_a: Array, T_b: Array) -> float:
+    """Between the origins of two transforms (4, 4)."""
+    return float(np.linalg.norm(T_a[:3, 3] - T_b[:3, 3]))
+
+
+def angle_rad(T_a: Array, T_b: Array) -> float:
+    """Of the rotation between two transforms (4, 4)."""
+    return float(Rotation.from_matrix(T_a[:3, :3].T @ T_b[:3, :3]).magnitude())
+
+
+def wxyz_from(T: Array) -> Array:
+    """The quaternion (4,) of a transform (4, 4), w ≥ 0."""
+    x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat()
+    q = np.array([w, x, y, z])
+    return q if w >= 0 else -q
