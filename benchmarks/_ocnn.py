@@ -11,7 +11,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tr_grasp.octree import OctreeSpec
+from tr_grasp.modules.encoders import ENCODERS, OctreeAttention
+from tr_grasp.octree import OctreeConv, OctreeDeconv, OctreePool, OctreeSpec
 
 
 def import_ocnn() -> Any | None:
@@ -71,3 +72,51 @@ class VanillaPeer(nn.Module):
         x = self.pool(self.conv3(x, octree, 3).relu(), octree, 3)
         voxels = self.ocnn.nn.octree2voxel(x, octree, 2, self.nempty)
         return self.head(self.squeeze(voxels).relu().flatten(1)).relu()
+
+
+class EncoderPeer(nn.Module):
+    """An encoder of ours with each octree layer replaced by ocnn's of the same widths, without proprioception."""
+
+    def __init__(self, ocnn: Any, name: str, spec: OctreeSpec, nempty: bool) -> None:
+        super().__init__()
+        self.ocnn, self.nempty = ocnn, nempty
+        self.network = ENCODERS[name](spec, node_set="occupied" if nempty else "siblings", proprio=False)
+        for parent in list(self.network.modules()):
+            for child_name, child in parent.named_children():
+                setattr(parent, child_name, self._on_ocnn(child))
+
+    def _on_ocnn(self, layer: nn.Module) -> nn.Module:
+        if isinstance(layer, OctreePool):
+            return self.ocnn.nn.OctreeMaxPool(self.nempty)
+        if isinstance(layer, OctreeAttention):
+            return _Attention(layer, self._on_ocnn(layer.node_conv), self.nempty)
+        if not isinstance(layer, (OctreeConv, OctreeDeconv)):
+            return layer
+        _, inputs, outputs = layer.weight.shape
+        if isinstance(layer, OctreeDeconv):
+            return self.ocnn.nn.OctreeDeconv(inputs, outputs, stride=2, nempty=self.nempty)
+        return self.ocnn.nn.OctreeConv(inputs, outputs, stride=layer.stride, nempty=self.nempty)
+
+    def forward(self, octree: Any) -> Tensor:
+        """Features ``(B, 160)``."""
+        x = self.network._trunk(octree.get_input_feature("NDF", self.nempty), octree)
+        voxels = self.ocnn.nn.octree2voxel(x, octree, 2, self.nempty)
+        return self.network.octree_head(self.network.squeeze(voxels).relu().flatten(1)).relu()
+
+
+class _Attention(nn.Module):
+    """``OctreeAttention`` on ocnn's octree, which has no maximum over a sample's nodes: PyTorch's."""
+
+    def __init__(self, ours: OctreeAttention, node_conv: nn.Module, nempty: bool) -> None:
+        super().__init__()
+        self.channel_conv, self.node_conv, self.nempty = ours.channel_conv, node_conv, nempty
+
+    def forward(self, x: Tensor, octree: Any, depth: int) -> Tensor:
+        """``(n, channels)`` at ``depth``, weighted."""
+        sample = octree.batch_id(depth, self.nempty)
+        zeros = x.new_zeros(octree.batch_size, x.shape[1])
+        pooled = torch.stack([zeros.index_reduce(0, sample, x, how, include_self=False) for how in ("amax", "mean")])
+        weights = torch.sigmoid(self.channel_conv(pooled.flatten(0, 1)[:, None]).view_as(pooled).sum(0))
+        x = x * weights.index_select(0, sample)
+        summary = torch.stack([x.amax(1), x.mean(1)], dim=1)
+        return x * torch.sigmoid(self.node_conv(summary, octree, depth))

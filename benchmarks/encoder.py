@@ -1,8 +1,9 @@
 """Speed of the encoders: ``python -m benchmarks.encoder``.
 
-Prints JSON rows of time and of peak memory. Peers: the Vanilla O-CNN on dense grids with the same widths, and on
-``ocnn`` if it is installed. From stored frames to features: collation is part of every time, also of ocnn's (merge and
-neighbour tables), but not of the dense peer's, which is handed its grid. "dense backend" is the exportable twin.
+Prints JSON rows of time and of peak memory. Peers: the Vanilla O-CNN on dense grids with the same widths, and the
+networks of the thesis on ``ocnn`` if it is installed. From stored frames to features: collation is part of every time,
+also of ocnn's (merge and neighbour tables), but not of the dense peer's, which is handed its grid. "dense backend" is
+the exportable twin.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from tr_grasp.octree import Backend, Octree, OctreeConv, OctreeFrame, OctreePool
 
 Call = Callable[[], Tensor]
 DENSE = "Vanilla on dense Conv3d, channels last"
-OCNN = "Vanilla on ocnn, {}"
+OCNN = "{} on ocnn, {}"
 
 
 class DensePeer(nn.Module):
@@ -96,7 +97,10 @@ def peer_calls(batch_n: int) -> dict[str, Call]:
         octrees = [_ocnn.build_octree(ocnn, tabletop_cloud(rng), SPEC) for _ in range(batch_n)]
         for node_set in ("occupied", "siblings"):
             peer = _ocnn.VanillaPeer(ocnn, nempty=node_set == "occupied")
-            calls[OCNN.format(node_set)] = lambda peer=peer: peer(_ocnn.merge(ocnn, octrees))
+            calls[OCNN.format("vanilla_ocnn", node_set)] = lambda peer=peer: peer(_ocnn.merge(ocnn, octrees))
+        for name in ("residual_ocnn", "o_ahrnet"):
+            peer = _ocnn.EncoderPeer(ocnn, name, SPEC, nempty=True)
+            calls[OCNN.format(name, "occupied")] = lambda peer=peer: peer(_ocnn.merge(ocnn, octrees))
     return calls
 
 
@@ -115,10 +119,11 @@ def bench(batch_n: int, repeats: int) -> None:
 
 
 def peers_of(name: str) -> set[str]:
-    """Networks of the same size; for ``residual_ocnn`` and ``o_ahrnet`` there is none."""
-    if name.startswith(("residual", "o_ahrnet")):
-        return set()
-    return {DENSE, OCNN.format("siblings" if "siblings" in name else "occupied")}
+    """The same network on ocnn; for small networks also the dense one and Vanilla on ocnn."""
+    network, node_set = name.split(",")[0], "siblings" if "siblings" in name else "occupied"
+    if network in ("residual_ocnn", "o_ahrnet"):
+        return {OCNN.format(network, node_set)}
+    return {DENSE, OCNN.format("vanilla_ocnn", node_set)}
 
 
 def with_backward(call: Call) -> Callable[[], None]:

@@ -38,13 +38,13 @@ def settings(encoder: str, node_set: str, stack_n: int) -> TrainCfg:
 
 
 def random_batch(batch_n: int, stack_n: int) -> TensorDict:
-    """Transitions with octrees of a table and boxes."""
+    """Transitions with octrees of a table and boxes; the next stack is this one moved on by one frame, as in use."""
     tool = torch.tensor([1.0, *SPEC.centre_m, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0])
-    frames = tabletop_frames(64)
+    frames = tabletop_frames(64)[torch.randint(64, (batch_n, stack_n + 1))]
 
-    def observation() -> dict[str, Any]:
+    def observation(first: int) -> dict[str, Any]:
         return {
-            "octree": frames[torch.randint(64, (batch_n, stack_n))],
+            "octree": frames[:, first : first + stack_n].clone(),
             "proprio": tool + torch.randn(batch_n, stack_n, PROPRIO_N) * 0.01,
             "stages": torch.zeros(batch_n, STAGES_N),
         }
@@ -53,12 +53,12 @@ def random_batch(batch_n: int, stack_n: int) -> TensorDict:
     step = {"reward": torch.rand(batch_n, 1), "terminated": ends, "truncated": torch.zeros_like(ends), "done": ends}
     return TensorDict(
         {
-            **observation(),
+            **observation(0),
             "action": torch.rand(batch_n, ACTION_N) * 2 - 1,
             "expert_action": torch.rand(batch_n, ACTION_N) * 2 - 1,
             "expert_target": torch.rand(batch_n, 6),
             "imitation_weight": torch.ones(batch_n),
-            "next": observation() | step,
+            "next": observation(1) | step,
         },
         batch_size=[batch_n],
     )

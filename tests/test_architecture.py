@@ -26,7 +26,13 @@ LAYERS = {
 }
 LAYER = {name: layer for layer, names in LAYERS.items() for name in names}
 SIMULATORS = {"sapien", "mani_skill"}
-SIMULATOR_FILES = {"robots/agents.py", "robots/controller.py", "objects/actors.py", "sensing/sapien_camera.py"}
+SIMULATOR_FILES = {
+    "robots/agents.py",
+    "robots/controller.py",
+    "objects/actors.py",
+    "sensing/sapien_bodies.py",
+    "sensing/sapien_camera.py",
+}
 """Files below the envs that may speak to the simulator: they build its actors, agents and cameras."""
 
 

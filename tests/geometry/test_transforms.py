@@ -13,6 +13,7 @@ from tr_grasp.geometry import (
     transform_from,
     transform_points,
     wrap_half_turn,
+    wxyz_from_matrix,
 )
 
 coordinates = st.floats(-5, 5)
@@ -39,6 +40,14 @@ def test_a_quarter_turn_about_z_takes_x_to_y():
 def test_quaternions_agree_with_scipy(seed):
     q = random_wxyz(np.random.default_rng(seed))
     np.testing.assert_allclose(matrix_from_wxyz(q), Rotation.from_quat(q[[1, 2, 3, 0]]).as_matrix(), atol=1e-12)
+
+
+@given(seed=seeds)
+def test_a_rotation_is_the_same_after_a_visit_to_quaternions(seed):
+    R = np.stack([transform(seed)[:3, :3], transform(seed + 1)[:3, :3]])
+    q = wxyz_from_matrix(R)
+    np.testing.assert_allclose(matrix_from_wxyz(q), R, atol=1e-12)
+    assert (q[:, 0] >= 0).all()
 
 
 def test_a_batch_of_quaternions_is_converted_one_by_one():

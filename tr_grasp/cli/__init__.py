@@ -18,8 +18,13 @@ VERBS = {
     "train": "train a policy from a preset or a YAML file",
     "evaluate": "judge a policy on held-out objects and write a report",
     "compare": "say whether one evaluation is better than another",
+    "study": "train and judge the runs that answer one question (the thesis' comparisons, or yours)",
+    "grasps": "find, try and rank grasps of an object, show them, try them again",
     "play": "let an agent play, and film it: zero, random, scripted or a policy",
+    "demos": "record demonstrations of the scripted expert, look at them, export them (LeRobot)",
+    "predict": "train and judge predictors of where a moving object will be",
     "export": "write a policy as one file that runs without this package (ONNX, torch.export)",
+    "calibrate": "find where a camera is, seen from a robot: board, collection, solution, report",
 }
 """Every verb with its one line of help; verb ``x`` lives in ``tr_grasp.cli.x``."""
 

@@ -10,6 +10,7 @@ from tr_grasp.geometry.transforms import (
     transform_from,
     transform_points,
     wrap_half_turn,
+    wxyz_from_matrix,
 )
 
 __all__ = [
@@ -22,4 +23,5 @@ __all__ = [
     "transform_from",
     "transform_points",
     "wrap_half_turn",
+    "wxyz_from_matrix",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.floating]
 
@@ -25,6 +26,13 @@ def matrix_from_wxyz(q_a_b: ArrayLike) -> Array:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def wxyz_from_matrix(R_a_b: ArrayLike) -> Array:
+    """Unit quaternions (*batch, 4) in the order w, x, y, z of rotations ``R_a_b`` (*batch, 3, 3); w is not negative."""
+    R = np.asarray(R_a_b, float)
+    flat = Rotation.from_matrix(R.reshape(-1, 3, 3)).as_quat(canonical=True)
+    return np.roll(flat, 1, axis=-1).reshape(*R.shape[:-2], 4)
 
 
 def random_wxyz(rng: np.random.Generator) -> Array:

@@ -20,6 +20,9 @@ _SHORTEST_NORMAL_SUM = 1e-6
 Columns = NDArray[np.floating]
 """``(columns, n)``: one number of each point, or leaf, in a row."""
 
+Rows = NDArray[np.float32]
+"""``(n, 3)``: a vector of each point."""
+
 _NUMPY_TYPES = {torch.int16: np.int16, torch.int32: np.int32}
 
 
@@ -82,11 +85,14 @@ def count_octree_from_points(
     """``octree_from_points`` that counts what it leaves out instead of warning of it."""
     position_array = _as_numpy("points", points)
     points_n = len(position_array) if position_array.ndim else 0
-    places = _columns({"points": position_array}, points_n, np.float64)
-    others = {"normals": _as_numpy("normals", normals)}
+    given = {"points": position_array, "normals": _as_numpy("normals", normals)}
     if spec.colour:
-        others["colours"] = _as_numpy("colours", colours)
-    values = _columns(others, points_n, np.float32)
+        given["colours"] = _as_numpy("colours", colours)
+    for name, array in given.items():
+        if array.shape != (points_n, 3):
+            raise ValueError(f"{name} must have shape ({points_n}, 3), one row for each point; got {array.shape}.")
+    values = [np.asarray(array, np.float32) for name, array in given.items() if name != "points"]
+    places = position_array.T.astype(np.float64, order="C")
     places -= np.array(spec.origin_m)[:, None]
     places *= 1 / spec.leaf_m
     places, values = _inside(places, values, spec)
@@ -94,18 +100,8 @@ def count_octree_from_points(
     places -= cells
     places -= 0.5  # positions now count from the leaf's centre, in leaf units
     kept, leaf, dropped_n = _occupied(code_of_cells(cells, spec.depth), spec)
-    frame = _frame(kept, _leaf_features(leaf, len(kept), [*places, *values]), spec)
+    frame = _frame(kept, _leaf_features(leaf, len(kept), places, values), spec)
     return OctreeBuild(frame, points_n - len(leaf), dropped_n)
-
-
-def _columns(arrays: dict[str, NDArray[Any]], points_n: int, dtype: type[np.floating]) -> Columns:
-    """``(3 * arrays, n)``: the arrays under each other, one contiguous row for each of their columns."""
-    columns = np.empty((3 * len(arrays), points_n), dtype)
-    for start, (name, array) in zip(range(0, len(columns), 3), arrays.items(), strict=True):
-        if array.shape != (points_n, 3):
-            raise ValueError(f"{name} must have shape ({points_n}, 3), one row for each point; got {array.shape}.")
-        columns[start : start + 3] = array.T
-    return columns
 
 
 def _as_numpy(name: str, value: ArrayLike | Tensor | None) -> NDArray[Any]:
@@ -118,13 +114,17 @@ def _as_numpy(name: str, value: ArrayLike | Tensor | None) -> NDArray[Any]:
     return array
 
 
-def _inside(places: Columns, values: Columns, spec: OctreeSpec) -> tuple[Columns, Columns]:
-    """The columns of points that lie in the cube and have finite values; places are in leaf units."""
+def _inside(places: Columns, values: list[Rows], spec: OctreeSpec) -> tuple[Columns, list[Rows]]:
+    """Places, in leaf units, and values of the points that lie in the cube and have finite values."""
     # Mostly all points are, which a few numbers tell: a NaN makes any of them NaN, and no comparison holds.
-    if places.size and places.min() >= 0 and places.max() < spec.cells_n and np.vdot(values, values) < np.inf:
+    lie_inside = places.size and places.min() >= 0 and places.max() < spec.cells_n
+    if lie_inside and all(np.vdot(array, array) < np.inf for array in values):
         return places, values
-    inside = np.flatnonzero(((places >= 0) & (places < spec.cells_n)).all(0) & np.isfinite(values).all(0))
-    return places.take(inside, axis=1), values.take(inside, axis=1)
+    are_inside = ((places >= 0) & (places < spec.cells_n)).all(0)
+    for array in values:
+        are_inside &= np.isfinite(array).all(1)
+    inside = np.flatnonzero(are_inside)
+    return places.take(inside, axis=1), [array.take(inside, axis=0) for array in values]
 
 
 def _occupied(codes: NDArray[np.int64], spec: OctreeSpec) -> tuple[NDArray[np.intp], NDArray[np.intp], int]:
@@ -148,24 +148,31 @@ def _occupied(codes: NDArray[np.int64], spec: OctreeSpec) -> tuple[NDArray[np.in
     return kept[fullest], place.take(leaf), dropped_n
 
 
-def _leaf_features(leaf: NDArray[np.intp], leaves_n: int, columns: list[Columns]) -> Columns:
+def _leaf_features(leaf: NDArray[np.intp], leaves_n: int, offsets: Columns, values: list[Rows]) -> Columns:
     """``(channels, leaves)``: mean normal of length 1, signed distance and mean colour.
 
     Args:
         leaf: Leaf of each point; those past the end are ignored.
         leaves_n: Number of leaves.
-        columns: Of the points: offsets from the leaf's centre in leaf units (3), normals (3), colours (3 or none).
+        offsets: From the leaf's centre to each point, in leaf units.
+        values: Normals, and colours if any, of the points.
     """
+    x, y, z = offsets
+    directions, *colours = (array.T for array in values)
+    # In the order of the features, with z in the place of the distance, which is computed there.
+    columns = [x, y, *directions, z, *(column for array in colours for column in array)]
     sums = np.array([np.bincount(leaf, column, leaves_n) for column in columns], np.float64)[:, :leaves_n]
     counts = np.bincount(leaf, minlength=leaves_n)[:leaves_n]
-    offsets, normals, colours = sums[:3], sums[3:6], sums[6:]
-    lengths = np.sqrt((normals * normals).sum(0))
-    for index in np.flatnonzero(lengths < _SHORTEST_NORMAL_SUM):
-        first = np.argmax(leaf == index)
-        normals[:, index], lengths[index] = [column[first] for column in columns[3:6]], 1.0
+    normals, features = sums[2:5], sums[2:]
+    lengths = np.sqrt(normals[0] * normals[0] + normals[1] * normals[1] + normals[2] * normals[2])
+    if lengths.min(initial=np.inf) < _SHORTEST_NORMAL_SUM:
+        for index in np.flatnonzero(lengths < _SHORTEST_NORMAL_SUM):
+            normals[:, index], lengths[index] = values[0][np.argmax(leaf == index)], 1.0
     normals /= lengths
-    distances = (offsets * normals).sum(0) / (counts * HALF_DIAGONAL)
-    return np.concatenate([normals, distances[None], colours / counts])
+    sums[5] = sums[0] * normals[0] + sums[1] * normals[1] + sums[5] * normals[2]
+    sums[5] /= counts * HALF_DIAGONAL
+    sums[6:] /= counts
+    return features
 
 
 def _frame(codes: NDArray[np.intp], features: Columns, spec: OctreeSpec) -> OctreeFrame:

@@ -62,7 +62,7 @@ class _Largest(torch.autograd.Function):
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None, None]:
         # That of segment_reduce divides only positive gradients among equal maxima (torch 2.13), and is slower.
         features, largest, lengths, owners = ctx.saved_tensors
-        is_largest = (features == largest.index_select(0, owners)).to(grad.dtype)
+        is_largest = largest.index_select(0, owners).eq_(features)  # ones and zeros of the features' type
         share = grad / _reduce(is_largest, "sum", lengths)
         return is_largest.mul_(share.index_select(0, owners)), None, None
 
