@@ -142,7 +142,7 @@ def shape_key(model: ObjectModel, gripper: str) -> str:
     Raises:
         GraspError: No such gripper.
     """
-    content = hashlib.sha256(urdf_text(_without_paths(gripper)).encode())
+    content = hashlib.sha256(urdf_text(without_paths(floating_gripper(gripper))).encode())
     for part in model.parts:
         content.update(np.round(np.asarray(part.vertices) / ROUNDED_TO_M).astype(np.int64).tobytes())
     return content.hexdigest()[:32]
@@ -165,7 +165,7 @@ def shipped_grasp_set(object_name: str, gripper: str = "robotiq_2f85") -> GraspS
     return GraspSet.load(_SHIPPED / gripper / f"{object_name}{ENDING}")
 
 
-def wilson_lower(successes: Array | NDArray[np.integer], tries: Array | NDArray[np.integer]) -> Array:
+def wilson_lower(successes: NDArray[np.integer], tries: NDArray[np.integer]) -> Array:
     """(n,) lower end of the 95 % interval of a success rate; 0 without tries (Wilson 1927)."""
     n = np.maximum(tries, 1)
     p, z2 = successes / n, NORMAL_95**2
@@ -173,9 +173,8 @@ def wilson_lower(successes: Array | NDArray[np.integer], tries: Array | NDArray[
     return np.where(np.asarray(tries) > 0, np.maximum(low, 0.0), 0.0)
 
 
-def _without_paths(gripper: str) -> RobotSpec:
-    """The floating gripper with its meshes by name: where they are installed is no part of it."""
-    spec = floating_gripper(gripper)
+def without_paths(spec: RobotSpec) -> RobotSpec:
+    """A robot with its meshes by name: where they are installed is no part of it."""
     links = tuple(
         replace(
             link,
@@ -186,7 +185,7 @@ def _without_paths(gripper: str) -> RobotSpec:
     return replace(spec, links=links)
 
 
-def _read(path: Path) -> tuple[dict[str, Array], dict[str, Any]]:
+def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     if not path.is_file():
         raise GraspError(f"there is no grasp set at '{path}'; build one: tr-grasp grasps build.")
     try:
@@ -202,7 +201,7 @@ def _read(path: Path) -> tuple[dict[str, Array], dict[str, Any]]:
     return tensors, json.loads(header["facts"])
 
 
-def _digest(tensors: dict[str, Array], text: str) -> str:
+def _digest(tensors: dict[str, NDArray[Any]], text: str) -> str:
     content = hashlib.sha256(text.encode())
     for name in sorted(tensors):
         content.update(name.encode() + np.ascontiguousarray(tensors[name]).tobytes())

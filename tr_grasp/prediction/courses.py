@@ -137,10 +137,10 @@ class HybridCourse(Course):
         data = list(progress(tracks, tracks_n) if progress else tracks)
         border = left_out(len(data))
         self._train, self._validation = joined(data[border:]), joined(data[:border])
-        self.network = ResidualNet(features_n())
-        features = self._train.features
-        self.network.mean.copy_(features.mean(0))
-        self.network.scale.copy_(features.std(0).clamp(min=1e-3))
+        network, features = ResidualNet(features_n()), self._train.features
+        network.mean.copy_(features.mean(0))
+        network.scale.copy_(features.std(0).clamp(min=1e-3))
+        self.network = network
 
     def loss(self, generator: Generator) -> Tensor:
         """Of 1000 situations."""
@@ -206,7 +206,7 @@ def picked(data: Corrections, rows: Tensor) -> Corrections:
 
 _FIELDS = ("features", "candidates", "scale", "truth")
 
-COURSES: dict[str, tuple[type[Course], str]] = {
+COURSES: dict[str, tuple[type[MLPCourse] | type[HybridCourse], str]] = {
     **{f"mlp_{motion}": (MLPCourse, motion) for motion in THESIS_MOTIONS},
     **{f"lstm_{motion}": (LSTMCourse, motion) for motion in THESIS_MOTIONS},
     "hybrid": (HybridCourse, "all"),

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tr_grasp.errors import PredictionError
 from tr_grasp.prediction.kalman import transition, white_noise
 from tr_grasp.prediction.predictor import Array, Extrapolation, GateCfg, Predictor
 
 STATES_N = 4
+Indices = NDArray[np.intp]
 NEGLIGIBLE = 1e-4
 TINY = 1e-300
 SURPRISE_RATE = 0.1
@@ -176,7 +178,7 @@ class _Models:
         F, Q = self.ahead(np.array([dt]), np.arange(self.n))
         return F[0], Q[0]
 
-    def ahead(self, times: Array, chosen: Array) -> tuple[Array, Array]:
+    def ahead(self, times: Array, chosen: Indices) -> tuple[Array, Array]:
         """Transitions and process noise (times, chosen, 4, 4) over each time [s]."""
         F, Q = self._one_level(times)
         return F[:, chosen % self.one_level_n], Q[:, chosen % self.one_level_n]

@@ -39,8 +39,8 @@ class MotionLSTM(nn.Module):
         self, windows: Tensor, memory: tuple[Tensor, Tensor] | None = None
     ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
         """Positions (batch, steps, 2, 3) for windows (batch, steps, 5, 3), relative to their oldest; and the memory."""
-        features, memory = self.lstm(windows.flatten(-2), memory)
-        return self.head(features).unflatten(-1, (HEADS_N, 3)), memory
+        features, after = self.lstm(windows.flatten(-2), memory)
+        return self.head(features).unflatten(-1, (HEADS_N, 3)), after
 
 
 class ResidualNet(nn.Module):
@@ -51,16 +51,20 @@ class ResidualNet(nn.Module):
         hidden_n: Width of the two hidden layers.
     """
 
+    mean: Tensor
+    scale: Tensor
+
     def __init__(self, features_n: int, hidden_n: int = 96) -> None:
         super().__init__()
         self.register_buffer("mean", torch.zeros(features_n))
         self.register_buffer("scale", torch.ones(features_n))
-        self.layers = nn.Sequential(
-            nn.Linear(features_n, hidden_n), nn.SiLU(), nn.Linear(hidden_n, hidden_n), nn.SiLU(), nn.Linear(hidden_n, 9)
-        )
-        nn.init.zeros_(self.layers[-1].weight)
+        last = nn.Linear(hidden_n, 9)
+        nn.init.zeros_(last.weight)
         # Untrained, it is nearly the filter bank.
-        self.layers[-1].bias = nn.Parameter(torch.tensor([3.0] + [0.0] * 8))
+        last.bias = nn.Parameter(torch.tensor([3.0] + [0.0] * 8))
+        self.layers = nn.Sequential(
+            nn.Linear(features_n, hidden_n), nn.SiLU(), nn.Linear(hidden_n, hidden_n), nn.SiLU(), last
+        )
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Shares of the filters (*batch, 3), residual (*batch, 3) in [-1, 1], log of the deviations (*batch, 3)."""

@@ -46,4 +46,4 @@ class Window:
 
 def even_times(newest_s: float, n: int, period_s: float) -> Array:
     """(n,) Times ``period_s`` apart, oldest first, the last at ``newest_s``."""
-    return newest_s - period_s * np.arange(n - 1, -1, -1)
+    return np.asarray(newest_s - period_s * np.arange(n - 1, -1, -1), np.float64)

@@ -97,6 +97,9 @@ class Collection:
             self._closed = True
             threads_n = torch.get_num_threads()
             self._collector.shutdown()
+            # TorchRL leaves these to the garbage collector, which may come to them only while the program ends.
+            for scheme in (getattr(self._collector, "_weight_sync_schemes", None) or {}).values():
+                scheme.shutdown()
             # TorchRL gives the workers' threads to this process.
             torch.set_num_threads(threads_n)
 

@@ -41,9 +41,9 @@ class Clock(NamedTuple):
 
 def clock(t: Value, duration_s: Tensor) -> Clock:
     """The time along a motion, at any time ``t`` [s]; at the end itself it stands still."""
-    t, duration_s = torch.broadcast_tensors(number(t), duration_s)
-    elapsed_s = torch.minimum(t.clamp(min=0.0), duration_s)
-    return Clock(elapsed_s, (t >= 0) & (t < duration_s), duration_s - elapsed_s)
+    now, duration_s = torch.broadcast_tensors(number(t), duration_s)
+    elapsed_s = torch.minimum(now.clamp(min=0.0), duration_s)
+    return Clock(elapsed_s, (now >= 0) & (now < duration_s), duration_s - elapsed_s)
 
 
 def state(time: Clock, position: Tensor, velocity: Tensor, yaw: Tensor, yaw_rate: Value = 0.0) -> TargetState:
