@@ -1,8 +1,8 @@
 """Hand-eye calibration in the simulated laboratory: ``python -m benchmarks.calibration --out FOLDER``.
 
-Prints JSON rows: error against the truth for both setups, 5, 11 and 15 samples, and four kinds of trouble, and how
-often the bootstrap's 95 % radius covers the truth. Beside it the closed form alone. Every run is kept in FOLDER, so
-that a stopped measurement goes on.
+Prints JSON rows: error against the truth for both setups, 5, 11 and 15 samples, clean and with four kinds of trouble,
+and how often the bootstrap's 95 % radius covers the truth. Beside it the closed form alone, and how far OpenCV's solver
+of the same name is from it. Every run is kept in FOLDER, so that a stopped measurement goes on.
 """
 
 from __future__ import annotations
@@ -13,12 +13,16 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from benchmarks._common import machine
 from tr_grasp.calibration.closed_form import solve_closed_form
+from tr_grasp.calibration.coverage import coverage_of
 from tr_grasp.calibration.detection import Refused, detect_board
-from tr_grasp.calibration.laboratory import LabCfg, Laboratory
+from tr_grasp.calibration.intrinsics import Intrinsics
+from tr_grasp.calibration.laboratory import IntrinsicsError, LabCfg, Laboratory
+from tr_grasp.calibration.problem import Problem
 from tr_grasp.calibration.rendering import ImageNoise, render_board
 from tr_grasp.calibration.rigid import Array, angle_rad, distance_m
 from tr_grasp.calibration.samples import SETUPS, Sample, Setup
@@ -26,10 +30,14 @@ from tr_grasp.calibration.solve import solve_hand_eye
 from tr_grasp.calibration.views import View
 from tr_grasp.evaluation.statistics import Counts, wilson_interval
 from tr_grasp.files import make_folder, write_atomically
+from tr_grasp.geometry import transform_from
 
 SAMPLES_N = (5, 11, 15)
-CONDITIONS = ("clean", "rgb_noise", "kinematics_noise", "wrong_sample")
+CONDITIONS = ("clean", "rgb_noise", "kinematics_noise", "wrong_sample", "inexact_camera")
 RGB_LEVELS = 6.0
+LENS = (0.12, -0.25, 0.001, -0.0005, 0.1)
+INEXACT = IntrinsicsError(focal=0.002, centre_px=1.0, distortion=0.05)
+EQUAL_MM = 1e-6
 KINEMATICS = {"kinematics_position_m": 0.001, "kinematics_rotation_deg": 0.3}
 
 
@@ -45,6 +53,8 @@ class Run:
     rotation_deg: float
     closed_form_mm: float
     closed_form_deg: float
+    opencv_apart_mm: float
+    largest_turn_deg: float
     radius_mm: float
     radius_deg: float
     covers_translation: bool
@@ -60,7 +70,7 @@ def pictured(lab: Laboratory, views: list[View], levels: float) -> list[Sample]:
         picture = render_board(
             lab.cfg.board, lab.T_cam_board(T_true), lab.cfg.camera, ImageNoise(levels=levels), lab.rng
         )
-        seen = detect_board(picture, lab.cfg.board, lab.cfg.camera)
+        seen = detect_board(picture, lab.cfg.board, lab.told_camera)
         if isinstance(seen, Refused):
             raise SystemExit(f"seed {lab.cfg.seed}, view {i}: {seen.sentence}")
         found.append(
@@ -89,7 +99,14 @@ def runs_of(setup: Setup, seed: int) -> Iterator[Run]:
     clean, noisy = pictured(lab, views, 0.0), pictured(lab, views, RGB_LEVELS)
     shaky = told(lab.with_cfg(**KINEMATICS), clean)
     wrong = int(lab.rng.integers(min(SAMPLES_N)))
-    sets = {"clean": clean, "rgb_noise": noisy, "kinematics_noise": shaky, "wrong_sample": told(lab, clean, wrong)}
+    bent = Laboratory(LabCfg(setup=setup, seed=seed, camera=Intrinsics(distortion=LENS), intrinsics_error=INEXACT))
+    sets = {
+        "clean": clean,
+        "rgb_noise": noisy,
+        "kinematics_noise": shaky,
+        "wrong_sample": told(lab, clean, wrong),
+        "inexact_camera": pictured(bent, bent.choose_views(max(SAMPLES_N)), RGB_LEVELS),
+    }
     for condition, samples in sets.items():
         expected = [str(wrong)] if condition == "wrong_sample" else []
         for n in SAMPLES_N:
@@ -109,11 +126,21 @@ def run(lab: Laboratory, condition: str, samples: list[Sample], outliers: list[s
         lab.cfg.seed,
         *_off(result.T_parent_cam, lab.X),
         *_off(X, lab.X),
+        1e3 * distance_m(X, opencv(samples, setup)),
+        coverage_of(samples).turn_deg,
         1e3 * result.uncertainty.translation_m,
         float(np.degrees(result.uncertainty.rotation_rad)),
         *covers,
         outliers_right=result.outliers == outliers,
     )
+
+
+def opencv(samples: list[Sample], setup: Setup) -> Array:
+    """OpenCV's solver of Daniilidis."""
+    problem = Problem(samples, setup)
+    parts = [(T[:, :3, :3], T[:, :3, 3]) for T in (problem.hand, problem.seen)]
+    R, t = cv2.calibrateHandEye(*parts[0], *parts[1], method=cv2.CALIB_HAND_EYE_DANIILIDIS)
+    return transform_from(R, np.ravel(t))
 
 
 def _off(T: Array, truth: Array) -> tuple[float, float]:
@@ -124,8 +151,7 @@ def row(runs: list[Run]) -> dict[str, object]:
     """One condition in a row."""
 
     def spread(name: str) -> str:
-        values = [getattr(r, name) for r in runs]
-        return f"{np.mean(values):.3f} ({np.max(values):.3f})"
+        return _spread([getattr(r, name) for r in runs])
 
     return {
         "setup": runs[0].setup,
@@ -142,6 +168,23 @@ def row(runs: list[Run]) -> dict[str, object]:
         "covered_rotation": sum(r.covers_rotation for r in runs),
         "outliers_right": sum(r.outliers_right for r in runs),
     }
+
+
+def equality(runs: list[Run]) -> dict[str, object]:
+    """How often OpenCV's solver gives the same, and how far the hand turned where it does not."""
+    other = [r for r in runs if not r.opencv_apart_mm <= EQUAL_MM]
+    return {
+        "name": "equal to OpenCV's solver",
+        "runs": len(runs),
+        "equal": len(runs) - len(other),
+        "least_turn_of_others_deg": round(min(r.largest_turn_deg for r in other), 1) if other else None,
+        "error_mm": _spread([r.closed_form_mm for r in other]) if other else None,
+        "opencv_apart_mm": _spread([r.opencv_apart_mm for r in other]) if other else None,
+    }
+
+
+def _spread(values: list[float]) -> str:
+    return f"{np.mean(values):.3f} ({np.max(values):.3f})"
 
 
 def total(runs: list[Run], name: str) -> dict[str, object]:
@@ -182,6 +225,7 @@ def main() -> None:
     for condition in CONDITIONS:
         print(json.dumps(total([r for r in runs if r.condition == condition], condition)), flush=True)
     print(json.dumps(total(runs, "everything")), flush=True)
+    print(json.dumps(equality(runs)), flush=True)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ LAYERS = {
     6: ["cli", "__main__"],
     5: ["trainers", "evaluation"],
     4: ["envs"],
-    3: ["modules", "dynamic", "pick_place"],
+    3: ["modules", "dynamic", "pick_place", "deploy"],
     2: ["motion", "grasps", "prediction", "calibration", "hardware"],
     1: ["robots", "objects", "sensing", "octree"],
     0: ["configs", "geometry", "doctor", "errors", "files", "keys", "provenance", "__init__"],

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from tr_grasp.calibration import D415_COLOUR, BoardSpec, Sample, Setup
+from tr_grasp.calibration import D415_COLOUR, BoardSpec, LabCfg, Laboratory, Sample, Setup
 from tr_grasp.calibration.detection import pose_information
-from tr_grasp.calibration.rigid import Array, inverse, transform_of
+from tr_grasp.calibration.laboratory import Shot
+from tr_grasp.calibration.rigid import Array, transform_of
+from tr_grasp.geometry import invert_transform
 
 BOARD = BoardSpec()
 CORNERS = np.concatenate(list(BOARD.marker_corners_board.values()))
@@ -44,8 +46,8 @@ def make_world(
     samples = []
     for i in range(samples_n):
         T = sight(rng)
-        hand = Z @ inverse(T) @ inverse(X)
-        T_base_tcp = hand if setup == "eye_in_hand" else inverse(hand)
+        hand = Z @ invert_transform(T) @ invert_transform(X)
+        T_base_tcp = hand if setup == "eye_in_hand" else invert_transform(hand)
         T_base_tcp = T_base_tcp @ transform_of(rng.normal(size=6) * np.repeat(robot, 3))
         samples.append(seen_sample(str(i), T_base_tcp, T, rng.normal(0, 1, (len(CORNERS), 2)) * pixel_px))
     return World(setup, X, Z, samples)
@@ -71,3 +73,15 @@ def project(T_cam_board: Array) -> Array:
 @pytest.fixture(params=["eye_on_base", "eye_in_hand"])
 def setup(request: pytest.FixtureRequest) -> Setup:
     return request.param
+
+
+@pytest.fixture(scope="session")
+def lab() -> Laboratory:
+    """A laboratory with the camera beside the robot."""
+    return Laboratory(LabCfg(seed=1))
+
+
+@pytest.fixture(scope="session")
+def shots(lab: Laboratory) -> list[Shot]:
+    """Pictures of it, the first three enough for a calibration."""
+    return lab.shoot_all(lab.choose_views(6, pool_n=1))

@@ -9,11 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from tests.calibration.conftest import CORNERS, make_world, project, random_transform
+from tests.calibration.conftest import CORNERS, make_world, project, random_transform, sight
 from tr_grasp.calibration import METHODS, Method, Sample, Setup, solve_closed_form, solve_hand_eye
+from tr_grasp.calibration.dual_quaternions import solve_dual_quaternions
 from tr_grasp.calibration.problem import Problem, prior_noise
-from tr_grasp.calibration.rigid import adjoint, angle_rad, distance_m, inverse, small_motion, transform_of
+from tr_grasp.calibration.rigid import adjoint, angle_rad, distance_m, small_motion, transform_of
 from tr_grasp.errors import CalibrationError
+from tr_grasp.geometry import invert_transform
 
 seeds = st.integers(0, 10_000)
 
@@ -26,7 +28,7 @@ def turn(axis: int, angle: float, shift: tuple[float, float, float] = (0, 0, 0))
 
 @pytest.mark.parametrize("method", METHODS)
 @given(seed=seeds)
-@settings(max_examples=6)
+@settings(max_examples=3)
 def test_without_noise_every_solver_is_exact(method: Method, seed: int) -> None:
     for setup in ("eye_on_base", "eye_in_hand"):
         world = make_world(setup, 8, seed)
@@ -36,23 +38,27 @@ def test_without_noise_every_solver_is_exact(method: Method, seed: int) -> None:
 
 
 @given(seed=seeds)
-@settings(max_examples=10)
+@settings(max_examples=2)
 def test_another_base_frame_moves_the_camera_with_it(seed: int) -> None:
-    world = make_world("eye_on_base", 7, seed, pixel_px=0.1)
+    world = make_world("eye_on_base", 5, seed, pixel_px=0.1)
     T_new_base = random_transform(np.random.default_rng(seed + 1))
     moved = [replace(s, T_base_tcp=T_new_base @ s.T_base_tcp) for s in world.samples]
-    before, after = (solve_hand_eye(s, "eye_on_base", draws_n=20) for s in (world.samples, moved))
+    before, after = (
+        solve_hand_eye(s, "eye_on_base", draws_n=20, reject_outliers=False) for s in (world.samples, moved)
+    )
     assert np.abs(after.T_parent_cam - T_new_base @ before.T_parent_cam).max() < 1e-6
     assert np.abs(after.T_parent_board - before.T_parent_board).max() < 1e-6
 
 
 @given(seed=seeds)
-@settings(max_examples=10)
+@settings(max_examples=2)
 def test_another_hand_frame_moves_the_camera_in_the_hand(seed: int) -> None:
-    world = make_world("eye_in_hand", 7, seed, pixel_px=0.1)
+    world = make_world("eye_in_hand", 5, seed, pixel_px=0.1)
     T_tcp_flange = random_transform(np.random.default_rng(seed + 1), 0.05)
     moved = [replace(s, T_base_tcp=s.T_base_tcp @ T_tcp_flange) for s in world.samples]
-    before, after = (solve_hand_eye(s, "eye_in_hand", draws_n=20) for s in (world.samples, moved))
+    before, after = (
+        solve_hand_eye(s, "eye_in_hand", draws_n=20, reject_outliers=False) for s in (world.samples, moved)
+    )
     # The noise of a robot belongs to its tcp, so another one weighs a little differently.
     assert distance_m(T_tcp_flange @ after.T_parent_cam, before.T_parent_cam) < 2e-4
 
@@ -95,6 +101,26 @@ def test_the_closed_form_is_opencvs(setup: Setup) -> None:
     assert result.T_parent_cam[:3, 3] == pytest.approx(np.ravel(t), abs=1e-9)
 
 
+def test_a_motion_of_half_a_turn_does_not_mislead_dual_quaternions() -> None:
+    rng = np.random.default_rng(0)
+    X, Z, sights = random_transform(rng), random_transform(rng, 0.1), [sight(rng) for _ in range(6)]
+    apart = {"ours": [], "opencv": []}
+    for _ in range(9):
+        # The last sample is the first one turned about the optical axis.
+        turned = sights[0].copy()
+        turned[:3, :3] = transform_of(np.r_[0, 0, 0, 0, 0, np.pi])[:3, :3] @ turned[:3, :3]
+        hand = np.array([Z @ invert_transform(T) @ invert_transform(X) for T in (*sights, turned)])
+        hand = hand @ transform_of(rng.normal(size=(len(hand), 6)) * np.repeat((5e-4, 5e-3), 3))
+        seen = np.array([*sights, turned])
+        _, t = cv2.calibrateHandEye(
+            hand[:, :3, :3], hand[:, :3, 3], seen[:, :3, :3], seen[:, :3, 3], method=cv2.CALIB_HAND_EYE_DANIILIDIS
+        )
+        apart["ours"].append(distance_m(solve_dual_quaternions(hand, seen), X))
+        apart["opencv"].append(float(np.linalg.norm(np.ravel(t) - X[:3, 3])))
+    assert max(apart["ours"]) < 0.02
+    assert max(apart["opencv"]) > 0.1
+
+
 def test_the_refinement_minimises_the_reprojection_error(setup: Setup) -> None:
     world = make_world(setup, 8, 5, pixel_px=0.2)
     noise = replace(prior_noise(0.2), position_m=1e-7, rotation_rad=1e-7)
@@ -132,7 +158,7 @@ def test_the_jacobian_is_the_slope_of_the_errors(setup: Setup) -> None:
 def test_an_adjoint_carries_small_motions_through(seed: int) -> None:
     rng = np.random.default_rng(seed)
     T, motion = random_transform(rng), 1e-6 * rng.normal(size=6)
-    assert small_motion(T @ transform_of(motion) @ inverse(T)) == pytest.approx(adjoint(T) @ motion, abs=1e-11)
+    assert small_motion(T @ transform_of(motion) @ invert_transform(T)) == pytest.approx(adjoint(T) @ motion, abs=1e-11)
 
 
 def test_a_wrong_sample_is_named_and_left_out(setup: Setup) -> None:
@@ -148,29 +174,24 @@ def test_a_wrong_sample_is_named_and_left_out(setup: Setup) -> None:
 
 
 def test_good_samples_are_all_kept(setup: Setup) -> None:
-    for seed in range(6):
-        assert solve_hand_eye(make_world(setup, 8, seed, 0.1, (1e-3, 5e-3)).samples, setup, draws_n=20).outliers == []
+    for seed in range(2):
+        assert solve_hand_eye(make_world(setup, 6, seed, 0.1, (1e-3, 5e-3)).samples, setup, draws_n=20).outliers == []
 
 
 def test_the_radius_covers_the_truth_about_as_often_as_it_says(setup: Setup) -> None:
-    covered = []
-    for seed in range(30):
-        world = make_world(setup, 8, seed, 0.2, (1e-3, 4e-3))
-        result = solve_hand_eye(world.samples, setup, reject_outliers=False, draws_n=400)
+    covered, small = [], []
+    for seed in range(12):
+        world = make_world(setup, 6, seed, 0.2, (1e-3, 4e-3))
+        result = solve_hand_eye(world.samples, setup, reject_outliers=False, draws_n=200)
         covered.append(result.uncertainty.covers(result.T_parent_cam, world.X))
+        small.append(distance_m(result.T_parent_cam, world.X) <= result.uncertainty.translation_m / 3)
     assert np.all(np.mean(covered, axis=0) >= 0.8)
-    # And it is no larger than it needs to be: half of it would not do.
-    worlds = [make_world(setup, 8, seed, 0.2, (1e-3, 4e-3)) for seed in range(30)]
-    half = [
-        distance_m((r := solve_hand_eye(w.samples, setup, reject_outliers=False, draws_n=400)).T_parent_cam, w.X)
-        <= r.uncertainty.translation_m / 3
-        for w in worlds[:15]
-    ]
-    assert np.mean(half) < 0.95
+    # And it is no larger than it needs to be: a third of it would not do.
+    assert np.mean(small) < 0.95
 
 
 def test_the_noise_of_the_robot_is_found() -> None:
-    world = make_world("eye_on_base", 40, 11, 0.1, (1e-3, 4e-3))
+    world = make_world("eye_on_base", 24, 11, 0.1, (1e-3, 4e-3))
     noise = solve_hand_eye(world.samples, "eye_on_base", reject_outliers=False, draws_n=20).noise
     assert noise.pixel_px == pytest.approx(0.1, rel=0.2)
     assert noise.position_m == pytest.approx(1e-3, rel=0.3)
@@ -186,6 +207,32 @@ def test_a_board_of_another_size_is_refused(setup: Setup) -> None:
         larger.append(replace(s, T_cam_board=T))
     with pytest.raises(CalibrationError, match=r"the board is 1\.0[45]\d .* times as large"):
         solve_hand_eye(larger, setup)
+
+
+def test_a_board_half_a_percent_larger_is_told(setup: Setup) -> None:
+    world = make_world(setup, 10, 12, 0.1)
+    larger = []
+    for s in world.samples:
+        T = s.T_cam_board.copy()
+        T[:3, 3] /= 1.008
+        larger.append(replace(s, T_cam_board=T))
+    warnings = solve_hand_eye(larger, setup, reject_outliers=False).warnings
+    assert any("the board is 1.00" in sentence and "measure a marker again" in sentence for sentence in warnings)
+
+
+def test_samples_that_cannot_be_of_one_camera_are_refused() -> None:
+    world = make_world("eye_in_hand", 8, 1)
+    with pytest.raises(CalibrationError, match=r"no place of the camera fits: .* check the setup"):
+        solve_hand_eye(world.samples, "eye_on_base", reject_outliers=False)
+
+
+def test_a_closed_form_that_failed_is_refused() -> None:
+    # These samples are noisy; a solver that forgets what rotations are makes decimetres of that.
+    world = make_world("eye_in_hand", 8, 2, 0.3, (2e-3, 2e-2))
+    result = solve_hand_eye(world.samples, "eye_in_hand", "li", reject_outliers=False)
+    assert distance_m(result.T_parent_cam, world.X) < 0.03
+    with pytest.raises(CalibrationError, match=r"'li' alone leaves samples \d+ mm off on average"):
+        solve_hand_eye(world.samples, "eye_in_hand", "li", refine=False, reject_outliers=False)
 
 
 def test_a_sample_that_is_held_out_is_further_off_than_one_that_is_not(setup: Setup) -> None:

@@ -30,7 +30,7 @@ def test_help_names_every_verb_with_one_line(argv: list[str], capsys: pytest.Cap
     assert cli.main(argv) == 0
     lines = capsys.readouterr().out.splitlines()
     for name, line in cli.VERBS.items():
-        assert f"  {name:10} {line}" in lines
+        assert f"  {name:12} {line}" in lines
 
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -47,7 +47,8 @@ def test_a_verb_gets_its_arguments_and_gives_the_exit_code(verb: Callable) -> No
 
 def test_an_unknown_verb_gets_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["trian"]) == 2
-    assert capsys.readouterr().err.startswith("tr-grasp: unknown verb 'trian'; did you mean 'train'? Valid: compare, ")
+    sentence = capsys.readouterr().err
+    assert sentence.startswith("tr-grasp: unknown verb 'trian'; did you mean 'train'? Valid: calibrate, ")
 
 
 def raises(error: BaseException) -> Callable[[list[str]], int]:

@@ -32,6 +32,11 @@ def test_the_inverse_takes_a_point_back(seed, point):
     np.testing.assert_allclose(transform_points(invert_transform(T), transform_points(T, point)), point, atol=1e-9)
 
 
+def test_many_transforms_are_inverted_one_by_one():
+    T = np.stack([transform(seed) for seed in range(6)]).reshape(2, 3, 4, 4)
+    np.testing.assert_array_equal(invert_transform(T)[1, 2], invert_transform(T[1, 2]))
+
+
 def test_a_quarter_turn_about_z_takes_x_to_y():
     np.testing.assert_allclose(rotation_about_z(np.pi / 2) @ [1, 0, 0], [0, 1, 0], atol=1e-12)
 

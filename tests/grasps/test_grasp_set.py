@@ -9,7 +9,15 @@ from safetensors.numpy import save_file
 from tests.grasps.things import brick, grasps_at
 from tr_grasp.errors import GraspError
 from tr_grasp.evaluation.statistics import Counts, wilson_interval
-from tr_grasp.grasps import GraspSet, contact_sheet, shape_key, shipped_grasp_set, shipped_objects, wilson_lower
+from tr_grasp.grasps import (
+    GraspSet,
+    contact_sheet,
+    grasp_set,
+    shape_key,
+    shipped_grasp_set,
+    shipped_objects,
+    wilson_lower,
+)
 from tr_grasp.objects import conveyor_names, conveyor_object
 
 
@@ -101,3 +109,10 @@ def test_the_grasps_of_task_two_come_with_the_package():
         assert (shipped.tries == 50).all()
     with pytest.raises(GraspError, match="006_mustard_bottle"):
         shipped_grasp_set("mustard_bottle")
+
+
+def test_the_key_forgets_the_digits_that_another_order_of_sums_would_change():
+    text = '<origin xyz="-0 0.1000000001 -1e-17" rpy="1.5707963 2 0"/>'
+    assert grasp_set._NUMBER.sub(grasp_set._rounded, text) == (
+        '<origin xyz="0.00000 0.10000 0.00000" rpy="1.57080 2.00000 0.00000"/>'
+    )

@@ -89,15 +89,21 @@ class BoardSpec:
     def cv_board(self) -> cv2.aruco.Board:
         """The same board for OpenCV."""
         size = (self.columns_n, self.rows_n)
-        if self.kind == "aruco":
-            return cv2.aruco.GridBoard(size, self.marker_m, self.gap_m, self._dictionary)
-        return cv2.aruco.CharucoBoard(size, self.pitch_m, self.marker_m, self._dictionary)
+        if self.kind == "charuco":
+            return cv2.aruco.CharucoBoard(size, self.pitch_m, self.marker_m, self._dictionary)
+        # OpenCV's GridBoard is the same, but warns of gaps as narrow as the thesis' 5 mm.
+        corners = np.array(list(self.marker_corners_board.values()), np.float32)
+        return cv2.aruco.Board(corners, self._dictionary, np.arange(self.markers_n))
 
     @cached_property
     def marker_corners_board(self) -> dict[int, Array]:
         """(4, 3) corners [m] of each marker, clockwise from its upper left."""
-        ids, corners = np.ravel(self.cv_board.getIds()), self.cv_board.getObjPoints()
-        return {int(i): np.asarray(c, float).reshape(4, 3) for i, c in zip(ids, corners, strict=True)}
+        if self.kind == "charuco":
+            ids, found = np.ravel(self.cv_board.getIds()), self.cv_board.getObjPoints()
+            return {int(i): np.asarray(c, float).reshape(4, 3) for i, c in zip(ids, found, strict=True)}
+        edge = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]) * self.marker_m
+        places = [(c, r, 0.0) for r in range(self.rows_n) for c in range(self.columns_n)]
+        return {i: edge + self.pitch_m * np.array(place) for i, place in enumerate(places)}
 
     @cached_property
     def black_board(self) -> Array:

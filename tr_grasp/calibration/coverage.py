@@ -44,7 +44,7 @@ class Coverage:
         """What still has to be moved, a sentence each; empty when the set is good."""
         found = []
         if self.samples_n < GOOD_SAMPLES:
-            found.append(f"take {GOOD_SAMPLES - self.samples_n} more samples, there are {self.samples_n}.")
+            found.append(f"take {GOOD_SAMPLES - self.samples_n} more; {GOOD_SAMPLES} to 15 samples are good.")
         if self.turn_deg < GOOD_TURN_DEG:
             found.append(
                 f"turn the hand by {GOOD_TURN_DEG:.0f} degrees or more; so far by {self.turn_deg:.0f} at most."

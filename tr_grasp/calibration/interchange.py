@@ -8,14 +8,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tr_grasp.calibration.rigid import Array, inverse, wxyz_from
+from tr_grasp.calibration.rigid import Array
 from tr_grasp.calibration.samples import SETUPS, Setup, rigid
 from tr_grasp.calibration.session import Frames
 from tr_grasp.calibration.solve import HandEyeResult
 from tr_grasp.configs.io import dump_yaml, load_cfg, read_yaml
 from tr_grasp.errors import CalibrationError, ConfigError
 from tr_grasp.files import write_atomically
-from tr_grasp.geometry import matrix_from_wxyz, transform_from
+from tr_grasp.geometry import invert_transform, matrix_from_wxyz, transform_from, wxyz_from_matrix
 
 Row = tuple[float, float, float, float]
 IDENTITY: tuple[Row, ...] = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))  # type: ignore[assignment]
@@ -131,7 +131,7 @@ def static_transform(record: CalibrationRecord) -> str:
     """The arguments of ROS 2's static transform publisher, which are also the easiest line to read for people."""
     T = record.T_parent_cam
     parent = record.base_frame if record.setup == "eye_on_base" else record.tcp_frame
-    (x, y, z), (qw, qx, qy, qz) = T[:3, 3], wxyz_from(T)
+    (x, y, z), (qw, qx, qy, qz) = T[:3, 3], wxyz_from_matrix(T[:3, :3])
     return (
         f"ros2 run tf2_ros static_transform_publisher --x {x:.6f} --y {y:.6f} --z {z:.6f} "
         f"--qx {qx:.7f} --qy {qy:.7f} --qz {qz:.7f} --qw {qw:.7f} "
@@ -202,7 +202,7 @@ def _setup_of(path: str | Path, parameters: Any, given: Setup | None) -> Setup:
 def _easy_handeye(path: str | Path, number: int, entry: Any, setup: Setup) -> tuple[Array, Array]:
     robot = _transform(path, number, entry, "robot")
     seen = _transform(path, number, entry, "tracking" if "tracking" in entry else "optical")
-    return (robot if setup == "eye_in_hand" else inverse(robot)), seen
+    return (robot if setup == "eye_in_hand" else invert_transform(robot)), seen
 
 
 def _transform(path: str | Path, number: int, entry: Any, name: str) -> Array:

@@ -9,13 +9,27 @@ import numpy as np
 from tr_grasp.calibration.board import BoardSpec
 from tr_grasp.calibration.intrinsics import Intrinsics
 from tr_grasp.calibration.rendering import ImageNoise, render_board
-from tr_grasp.calibration.rigid import Array, inverse, transform_of
+from tr_grasp.calibration.rigid import Array, transform_of
 from tr_grasp.calibration.samples import Sample, Setup
 from tr_grasp.calibration.views import View, best_view, reachable_views
 from tr_grasp.errors import CalibrationError
-from tr_grasp.geometry import look_at, transform_from
+from tr_grasp.geometry import invert_transform, look_at, transform_from
 from tr_grasp.motion import Kinematics
 from tr_grasp.robots import robot_spec
+
+
+@dataclass(frozen=True)
+class IntrinsicsError:
+    """How far the intrinsics that calibration is told are from those of the camera; exact by default."""
+
+    focal: float = 0.0
+    """Relative error of the focal lengths, a standard deviation; drivers are off by 0.001 to 0.005."""
+
+    centre_px: float = 0.0
+    """Error of the optical centre along a row and along a column, a standard deviation."""
+
+    distortion: float = 0.0
+    """Part of the lens distortion that is not known: 0 all is known, 1 it is left out."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +46,10 @@ class LabCfg:
     """The board."""
 
     camera: Intrinsics = field(default_factory=Intrinsics)
-    """The colour camera; a D415 by default."""
+    """The colour camera with its lens; a D415 without distortion by default."""
+
+    intrinsics_error: IntrinsicsError = field(default_factory=IntrinsicsError)
+    """What calibration does not know of it."""
 
     image: ImageNoise = field(default_factory=ImageNoise)
     """Blur and noise of its pictures."""
@@ -75,6 +92,20 @@ class Laboratory:
         self.kinematics = Kinematics(robot_spec(cfg.robot))
         self.X, self.Z = self._places()
         self.X_rough = self.X @ transform_of(self._away(0.030, np.radians(4.0)))
+
+    @property
+    def told_camera(self) -> Intrinsics:
+        """The camera as calibration knows it; its errors depend on the seed alone."""
+        camera, error = self.cfg.camera, self.cfg.intrinsics_error
+        focal, right, down = np.random.default_rng((self.cfg.seed, 1)).normal(size=3)
+        return replace(
+            camera,
+            fx_px=camera.fx_px * (1 + error.focal * focal),
+            fy_px=camera.fy_px * (1 + error.focal * focal),
+            cx_px=camera.cx_px + error.centre_px * right,
+            cy_px=camera.cy_px + error.centre_px * down,
+            distortion=tuple((1 - error.distortion) * k for k in camera.distortion),
+        )
 
     def choose_views(self, views_n: int, pool_n: int = 2) -> list[View]:
         """Poses to take samples at, each the one that tells most beside those before it.
@@ -123,8 +154,8 @@ class Laboratory:
 
     def T_cam_board(self, T_base_tcp: Array) -> Array:
         """Where the camera truly sees the board, (4, 4)."""
-        hand = T_base_tcp if self.cfg.setup == "eye_in_hand" else inverse(T_base_tcp)
-        return inverse(self.X) @ inverse(hand) @ self.Z
+        hand = T_base_tcp if self.cfg.setup == "eye_in_hand" else invert_transform(T_base_tcp)
+        return invert_transform(self.X) @ invert_transform(hand) @ self.Z
 
     def with_cfg(self, **changes: object) -> Laboratory:
         """The same places, with other noise: to compare conditions on one set of views."""

@@ -13,13 +13,15 @@ board as a rigid body, so the rest of its corner errors cannot change.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
 
-from tr_grasp.calibration.rigid import Array, adjoint, inverse, small_motion, transform_of
+from tr_grasp.calibration.rigid import Array, adjoint, small_motion, transform_of
 from tr_grasp.calibration.samples import Sample, Setup, base_tcp, cam_board
+from tr_grasp.geometry import invert_transform
 
 UNKNOWNS_N = 12
 PRIOR_POSITION_M, PRIOR_ROTATION_RAD = 5e-4, 2e-3
@@ -66,7 +68,7 @@ class Problem:
     def __init__(self, samples: Sequence[Sample], setup: Setup) -> None:
         self.setup = setup
         hand = base_tcp(samples)
-        self.hand = hand if setup == "eye_in_hand" else inverse(hand)
+        self.hand = hand if setup == "eye_in_hand" else invert_transform(hand)
         self.seen = cam_board(samples)
         known = [sample.information for sample in samples if sample.information is not None]
         self.pixel_covariance = np.linalg.inv(np.array(known)) if len(known) == len(samples) else None
@@ -74,23 +76,32 @@ class Problem:
     def __len__(self) -> int:
         return len(self.hand)
 
+    def with_scale(self, scale: float) -> Problem:
+        """The same with boards ``scale`` times as far from the camera."""
+        other = copy(self)
+        other.seen = self.seen.copy()
+        other.seen[:, :3, 3] *= scale
+        return other
+
     def expected(self, X: Array, Z: Array) -> Array:
         """(n, 4, 4) ``T_cam_board`` that follow from X and Z."""
-        return inverse(X) @ inverse(self.hand) @ Z
+        return invert_transform(X) @ invert_transform(self.hand) @ Z
 
     def errors(self, X: Array, Z: Array) -> Array:
         """(n, 6) small motions from where boards were seen to where they should be, in the board's frame."""
-        return small_motion(inverse(self.seen) @ self.expected(X, Z))
+        return small_motion(invert_transform(self.seen) @ self.expected(X, Z))
 
     def jacobian(self, X: Array, Z: Array) -> Array:
         """(n, 6, 12) of the errors by small motions of X and Z."""
-        moved = -adjoint(inverse(self.expected(X, Z)))
+        moved = -adjoint(invert_transform(self.expected(X, Z)))
         return np.concatenate([moved, np.broadcast_to(np.eye(6), moved.shape)], axis=2)
 
     def covariances(self, X: Array, Z: Array, noise: Noise) -> Array:
         """(n, 6, 6) of the errors."""
-        T_tcp_board = inverse(self.hand) @ Z if self.setup == "eye_in_hand" else np.broadcast_to(Z, self.hand.shape)
-        carry = adjoint(inverse(T_tcp_board))
+        T_tcp_board = (
+            invert_transform(self.hand) @ Z if self.setup == "eye_in_hand" else np.broadcast_to(Z, self.hand.shape)
+        )
+        carry = adjoint(invert_transform(T_tcp_board))
         robot = np.diag([noise.position_m**2] * 3 + [noise.rotation_rad**2] * 3)
         total = carry @ robot @ np.swapaxes(carry, 1, 2)
         if self.pixel_covariance is not None:

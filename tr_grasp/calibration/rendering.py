@@ -38,21 +38,20 @@ def render_board(
 ) -> Array:
     """A picture (h, w, 3) uint8 RGB of a board before a plain wall.
 
-    Pixels are averaged over 4 x 4 rays, each of which meets the board's plane exactly.
+    Pixels are averaged over 4 x 4 rays, each of which meets the board's plane exactly, through a lens that bends as the
+    camera's distortion says.
 
     Args:
         board: What is shown.
         T_cam_board: (4, 4) where it is.
-        camera: Without distortion.
+        camera: The camera.
         noise: Blur and noise of the camera.
         rng: Needed where there is noise.
 
     Raises:
-        CalibrationError: A camera with distortion, or noise without a generator.
+        CalibrationError: Noise without a generator.
     """
     noise = noise or ImageNoise()
-    if any(camera.distortion):
-        raise CalibrationError("pictures are rendered for cameras without distortion.")
     picture = _wall(camera.height_px, camera.width_px).copy()
     if T_cam_board[2, 2] > 0:  # else it shows its white back, which nobody looks at
         _paint(picture, board, T_cam_board, camera)
@@ -70,33 +69,44 @@ def _paint(picture: Array, board: BoardSpec, T: Array, camera: Intrinsics) -> No
     outline = board.outline_board @ T[:3, :3].T + T[:3, 3]
     if (outline[:, 2] < 0.05).any():
         return
-    pixels = camera.project(outline)
+    pixels = camera.project(_edge_points(outline))
     low = np.maximum(np.floor(pixels.min(0)).astype(int) - 1, 0)
     high = np.minimum(np.ceil(pixels.max(0)).astype(int) + 2, [camera.width_px, camera.height_px])
     if (high <= low).any():
         return
-    size = (high - low) * SUBPIXELS
-    # Pixel u holds the rays u + (k + 0.5) / n - 0.5, k < n; so ray number i is at low + (i + 0.5) / n - 0.5.
-    to_ray = np.array(
-        [[SUBPIXELS, 0, SUBPIXELS * (0.5 - low[0]) - 0.5], [0, SUBPIXELS, SUBPIXELS * (0.5 - low[1]) - 0.5], [0, 0, 1]],
-        float,
+    margin = board.margin_m
+    to_texel = np.array(
+        [[TEXELS_PER_M, 0, TEXELS_PER_M * margin - 0.5], [0, TEXELS_PER_M, TEXELS_PER_M * margin - 0.5], [0, 0, 1]]
     )
-    m = board.margin_m
-    from_texel = np.array(
-        [[1 / TEXELS_PER_M, 0, 0.5 / TEXELS_PER_M - m], [0, 1 / TEXELS_PER_M, 0.5 / TEXELS_PER_M - m], [0, 0, 1]]
-    )
-    ray_from_texel = to_ray @ camera.matrix @ T[:3, [0, 1, 3]] @ from_texel
-    shape = (int(size[0]), int(size[1]))
-    rays = cv2.warpPerspective(_texture(board), ray_from_texel, shape, flags=cv2.INTER_LINEAR, borderValue=PAPER)
-    cover = np.zeros(shape[::-1], np.float32)
-    corners = np.c_[pixels, np.ones(4)] @ to_ray.T
-    cv2.fillConvexPoly(cover, np.rint(16 * corners[:, :2]).astype(np.int32), 1.0, shift=4)
+    x, y, w = np.moveaxis(_rays(camera, low, high) @ (to_texel @ np.linalg.inv(T[:3, [0, 1, 3]])).T, -1, 0)
+    texture = _texture(board)
+    columns, rows = (x / w).astype(np.float32), (y / w).astype(np.float32)
+    ink = cv2.remap(texture, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    on_board = (columns > -0.5) & (columns < texture.shape[1] - 0.5) & (rows > -0.5) & (rows < texture.shape[0] - 0.5)
     small = (int(high[0] - low[0]), int(high[1] - low[1]))
+    there = cv2.resize(on_board.astype(np.float32), small, interpolation=cv2.INTER_AREA)
+    colour = cv2.resize(ink, small, interpolation=cv2.INTER_AREA)
     window = picture[low[1] : high[1], low[0] : high[0]]
-    there = cv2.resize(cover, small, interpolation=cv2.INTER_AREA)
-    colour = cv2.resize(rays, small, interpolation=cv2.INTER_AREA)
-    light = _light(T)
-    window[:] = there * colour * light + (1 - there) * window
+    window[:] = there * colour * _light(T) + (1 - there) * window
+
+
+def _edge_points(outline: Array) -> Array:
+    """Points along the edges of a quadrilateral (4, 3): a lens bends them between its corners."""
+    share = np.linspace(0, 1, 9)[:, None]
+    return np.concatenate(
+        [(1 - share) * a + share * b for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True)]
+    )
+
+
+def _rays(camera: Intrinsics, low: Array, high: Array) -> Array:
+    """(rows, columns, 3) directions, z = 1, of the rays of a window of pixels, SUBPIXELS² for each of them."""
+    # A lens bends so evenly that its directions are known at whole pixels and linear between them.
+    u, v = (np.arange(low[k] - 1.0, high[k] + 1.0) for k in range(2))
+    pixels = np.stack(np.meshgrid(u, v), axis=-1)
+    directions = cv2.undistortPoints(pixels.reshape(-1, 1, 2), camera.matrix, camera.coefficients).reshape(pixels.shape)
+    fine = cv2.resize(directions, None, fx=SUBPIXELS, fy=SUBPIXELS, interpolation=cv2.INTER_LINEAR)
+    inside = fine[SUBPIXELS:-SUBPIXELS, SUBPIXELS:-SUBPIXELS]
+    return np.concatenate([inside, np.ones((*inside.shape[:2], 1))], axis=2)
 
 
 def _light(T_cam_board: Array) -> float:

@@ -6,17 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from tr_grasp.geometry import invert_transform, transform_from
+
 Array = NDArray[np.floating]
-
-
-def inverse(T_a_b: Array) -> Array:
-    """``T_b_a`` (*batch, 4, 4) of rigid ``T_a_b``."""
-    T = np.zeros_like(T_a_b)
-    R = np.swapaxes(T_a_b[..., :3, :3], -1, -2)
-    T[..., :3, :3] = R
-    T[..., :3, 3] = -(R @ T_a_b[..., :3, 3, None])[..., 0]
-    T[..., 3, 3] = 1.0
-    return T
 
 
 def small_motion(T: Array) -> Array:
@@ -33,6 +25,15 @@ def transform_of(motion: ArrayLike) -> Array:
     T[..., :3, 3] = motion[..., :3]
     T[..., 3, 3] = 1.0
     return T
+
+
+def mean_transform(T: Array) -> Array:
+    """(4, 4) of transforms (n, 4, 4) nearly the same: the middle one in each coordinate of a small motion."""
+    about = transform_from(
+        Rotation.from_matrix(T[:, :3, :3]).mean().as_matrix(),
+        np.median(T[:, :3, 3], axis=0),
+    )
+    return about @ transform_of(np.median(small_motion(invert_transform(about) @ T), axis=0))
 
 
 def adjoint(T: Array) -> Array:
@@ -59,10 +60,3 @@ def distance_m(T_a: Array, T_b: Array) -> float:
 def angle_rad(T_a: Array, T_b: Array) -> float:
     """Of the rotation between two transforms (4, 4)."""
     return float(Rotation.from_matrix(T_a[:3, :3].T @ T_b[:3, :3]).magnitude())
-
-
-def wxyz_from(T: Array) -> Array:
-    """The quaternion (4,) of a transform (4, 4), w ≥ 0."""
-    x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat()
-    q = np.array([w, x, y, z])
-    return q if w >= 0 else -q

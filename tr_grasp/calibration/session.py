@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,8 @@ from tr_grasp.calibration.closed_form import Method
 from tr_grasp.calibration.coverage import Coverage, coverage_of
 from tr_grasp.calibration.detection import Detection, DetectionCfg, Reason, Refused, detect_board, pose_information
 from tr_grasp.calibration.intrinsics import Intrinsics
-from tr_grasp.calibration.rigid import Array, angle_rad, distance_m
+from tr_grasp.calibration.problem import Problem
+from tr_grasp.calibration.rigid import Array, angle_rad, distance_m, mean_transform
 from tr_grasp.calibration.samples import SETUPS, Sample, Setup
 from tr_grasp.calibration.solve import HandEyeResult, solve_hand_eye
 from tr_grasp.calibration.views import View, ViewCfg, best_view, reachable_views
@@ -209,6 +210,29 @@ class HandEyeSession:
         place = self.cfg.setup, X_rough, Z_rough, self.cfg.board, self.cfg.camera
         return best_view(reachable_views(kinematics, *place, rng, cfg), self.samples, *place)
 
+    def place(self, X_rough: Array | None = None) -> tuple[Array, Array]:
+        """Where the camera and the board are: by the samples if they suffice, else by a rough guess of the camera.
+
+        Args:
+            X_rough: (4, 4) ``T_base_cam`` or ``T_tcp_cam`` to 10 cm and 10 degrees; then one sample is enough.
+
+        Raises:
+            CalibrationError: No samples, or too few of them and no guess.
+        """
+        if not self.samples:
+            raise CalibrationError("there is no sample yet; take one anywhere where the board is in the picture.")
+        degenerate = self.coverage.degenerate
+        if degenerate is None:
+            result = self.solve()
+            return result.T_parent_cam, result.T_parent_board
+        if X_rough is None:
+            raise CalibrationError(
+                f"samples do not tell yet where the camera is; say it roughly (X_rough, --camera-at and --looks-at): "
+                f"{degenerate}"
+            )
+        problem = Problem(self.samples, self.cfg.setup)
+        return X_rough, mean_transform(problem.hand @ X_rough @ problem.seen)
+
     def solve(self, method: Method = "daniilidis", *, refine: bool = True) -> HandEyeResult:
         """:func:`tr_grasp.calibration.solve_hand_eye` of these samples."""
         return solve_hand_eye(self.samples, self.cfg.setup, method, refine=refine)
@@ -249,8 +273,8 @@ def _load(path: Path, camera: Intrinsics) -> Sample:
         known = points is not None and pixels is not None
         if known and (pixels.shape != (len(points), 2) or points.shape[1:] != (3,)):
             raise ValueError("corners and points do not belong together")
-        information = pose_information(T_cam_board, points, camera) if known else None
-        return Sample(path.stem, T_base_tcp, T_cam_board, information, pixels, points, error, array["q_rad"])
+        bare = Sample(path.stem, T_base_tcp, T_cam_board, None, pixels, points, error, array["q_rad"])
+        return replace(bare, information=pose_information(bare.T_cam_board, points, camera)) if known else bare
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(f"the sample '{path}' is damaged ({error}); delete it, the others are whole.") from error
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tr_grasp.calibration.closed_form import Method, solve_closed_form
+from tr_grasp.calibration.closed_form import METHODS, Method, solve_closed_form
 from tr_grasp.calibration.coverage import Coverage, require_coverage
 from tr_grasp.calibration.outliers import STARTS, best_fit, find_outliers
 from tr_grasp.calibration.problem import Noise, Problem, Solution, prior_noise
@@ -17,8 +17,12 @@ from tr_grasp.calibration.uncertainty import Uncertainty, board_scale, bootstrap
 from tr_grasp.errors import CalibrationError, unknown_name
 
 DRAWS_N = 2000
-WRONG_SCALE = 0.02
+WRONG_SCALE, DOUBTFUL_SCALE = 0.02, 0.004
 BAD_ERROR_M = 0.010
+ABSURD_ERROR_M, ABSURD_ERROR_RAD = 0.050, 0.20
+"""Where samples are further off than this on average, they are not of one camera and one board."""
+FAILED_M, FAILED_RATIO = 0.020, 5.0
+"""A closed form failed where samples are this much, and this many times, further off than after the refinement."""
 
 
 @dataclass(frozen=True)
@@ -115,10 +119,13 @@ def solve_hand_eye(
 
     Raises:
         CalibrationError: Too few samples, rotations about parallel axes, an unknown method, markers of another size
-            than was said, or a solver that finds nothing.
+            than was said, samples that are 50 mm or 11 degrees off on average, a solver that finds nothing, or,
+            without refinement, one whose answer does not fit the samples.
     """
     if setup not in SETUPS:
         raise CalibrationError(unknown_name("setup", str(setup), SETUPS))
+    if method not in METHODS:
+        raise CalibrationError(unknown_name("method", str(method), METHODS))
     with_corners = [sample.information is not None for sample in samples]
     if any(with_corners) and not all(with_corners):
         raise CalibrationError("samples with corners and samples of poses alone cannot be mixed in one calibration.")
@@ -128,17 +135,17 @@ def solve_hand_eye(
     kept = [sample for i, sample in enumerate(samples) if i not in out]
     coverage = require_coverage(kept)
     problem = Problem(kept, setup)
-    X, Z = solve_closed_form(kept, setup, method)
     solution, noise = _refined(kept, setup, method, pixel_px)
+    _refuse_absurd(problem, solution)
     scale, scale_error = board_scale(problem, solution, noise)
     _refuse_wrong_scale(scale, scale_error)
     if not refine:
-        solution = replace(solution, X=X, Z=Z)
+        solution = _closed_form(kept, setup, method, solution)
     uncertainty = bootstrap(problem, solution, noise, draws_n, rng or np.random.default_rng(0))
     errors = _sample_errors(samples, out, setup, method, refine, solution, noise)
     return HandEyeResult(
         setup, method, refine, solution.X, solution.Z, uncertainty, noise, scale, scale_error, errors, coverage,
-        tuple(_warnings(samples, out, errors, coverage)),
+        tuple(_warnings(samples, out, errors, coverage) + _scale_warning(scale, scale_error)),
     )  # fmt: skip
 
 
@@ -155,6 +162,30 @@ def _refined(samples: Sequence[Sample], setup: Setup, method: Method, pixel_px: 
         noise = problem.estimate_noise(solution.X, solution.Z, pixel_px)
         solution = problem.refine(solution.X, solution.Z, noise)
     return solution, noise
+
+
+def _closed_form(samples: Sequence[Sample], setup: Setup, method: Method, refined: Solution) -> Solution:
+    """The closed form alone.
+
+    Raises:
+        CalibrationError: It failed: samples are far better explained by the refined solution.
+    """
+    X, Z = solve_closed_form(samples, setup, method)
+    problem = Problem(samples, setup)
+    far, least = (_mean_error(problem, *pair)[0] for pair in ((X, Z), (refined.X, refined.Z)))
+    if far > max(least + FAILED_M, FAILED_RATIO * least):
+        raise CalibrationError(
+            f"the method {method!r} alone leaves samples {1e3 * far:.0f} mm off on average, the refinement "
+            f"{1e3 * least:.1f} mm; refine, or choose another method."
+        )
+    return replace(refined, X=X, Z=Z)
+
+
+def _mean_error(problem: Problem, X: Array, Z: Array) -> tuple[float, float]:
+    """How far boards are from where they should be, in translation [m] and rotation [rad]."""
+    errors = problem.errors(X, Z)
+    far, turned = (np.linalg.norm(part, axis=1).mean() for part in (errors[:, :3], errors[:, 3:]))
+    return float(far), float(turned)
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
@@ -213,6 +244,25 @@ def _refuse_wrong_scale(scale: float, error: float) -> None:
         raise CalibrationError(
             f"the board is {scale:.3f} ± {error:.3f} times as large as was said, as the robot's motion shows; "
             "measure a marker of the printed board and correct marker_m, or check the camera's focal length."
+        )
+
+
+def _scale_warning(scale: float, error: float) -> list[str]:
+    if abs(scale - 1) <= max(DOUBTFUL_SCALE, 5 * error):
+        return []
+    return [
+        f"by the robot's motion the board is {scale:.4f} ± {error:.4f} times as large as was said: measure a marker "
+        "again, or calibrate the camera's focal length."
+    ]
+
+
+def _refuse_absurd(problem: Problem, solution: Solution) -> None:
+    far, turned = _mean_error(problem, solution.X, solution.Z)
+    if far > ABSURD_ERROR_M or turned > ABSURD_ERROR_RAD:
+        raise CalibrationError(
+            f"no place of the camera fits: samples stay {1e3 * far:.0f} mm and {np.degrees(turned):.0f} degrees off on "
+            "average; check the setup (eye_on_base or eye_in_hand), the order of quaternions, units, and that camera "
+            "and board are fixed."
         )
 
 

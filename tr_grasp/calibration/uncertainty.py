@@ -60,6 +60,17 @@ def board_scale(problem: Problem, solution: Solution, noise: Noise) -> tuple[flo
 
     The robot's motion has a scale of its own, so samples tell whether markers were measured right.
     """
+    scale, _ = _scale_step(problem, solution, noise)
+    # The noise was found as if the size were right, so it is too large where it is not: once more with the right one.
+    scaled = problem.with_scale(scale)
+    solution = scaled.refine(solution.X, solution.Z, noise)
+    noise = scaled.estimate_noise(solution.X, solution.Z, noise.pixel_px)
+    correction, error = _scale_step(scaled, scaled.refine(solution.X, solution.Z, noise), noise)
+    return scale * correction, scale * error
+
+
+def _scale_step(problem: Problem, solution: Solution, noise: Noise) -> tuple[float, float]:
+    """One step of least squares over X, Z and the scale of all distances to the board."""
     A = problem.jacobian(solution.X, solution.Z)
     R, t = problem.seen[:, :3, :3], problem.seen[:, :3, 3]
     # A larger board was further away, along the line of sight.

@@ -11,9 +11,10 @@ from tr_grasp.calibration.board import BoardSpec
 from tr_grasp.calibration.detection import pose_information
 from tr_grasp.calibration.intrinsics import Intrinsics
 from tr_grasp.calibration.problem import Problem, prior_noise
-from tr_grasp.calibration.rigid import Array, inverse, transform_of
+from tr_grasp.calibration.rigid import Array, transform_of
 from tr_grasp.calibration.samples import Sample, Setup
 from tr_grasp.errors import CalibrationError
+from tr_grasp.geometry import invert_transform
 from tr_grasp.motion import CollisionModel, IKCfg, Kinematics, inverse_kinematics
 
 QUICK = IKCfg(rounds_n=3)
@@ -71,8 +72,8 @@ def reachable_views(
     """
     cfg = cfg or ViewCfg()
     sights = np.array(_sights(board, camera, rng, cfg)).reshape(-1, 4, 4)
-    hand = Z @ inverse(sights) @ inverse(X)
-    T_base_tcp = hand if setup == "eye_in_hand" else inverse(hand)
+    hand = Z @ invert_transform(sights) @ invert_transform(X)
+    T_base_tcp = hand if setup == "eye_in_hand" else invert_transform(hand)
     # Far out of reach is not worth a search.
     near = np.linalg.norm(T_base_tcp[:, :3, 3], axis=1) < 1.2 * _reach_m(kinematics)
     sights, T_base_tcp = sights[near], T_base_tcp[near]

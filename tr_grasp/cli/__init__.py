@@ -20,10 +20,13 @@ VERBS = {
     "compare": "say whether one evaluation is better than another",
     "study": "train and judge the runs that answer one question (the thesis' comparisons, or yours)",
     "grasps": "find, try and rank grasps of an object, show them, try them again",
+    "reachability": "learn where an arm's tool can be, show it, ask at a pose",
     "play": "let an agent play, and film it: zero, random, scripted or a policy",
     "demos": "record demonstrations of the scripted expert, look at them, export them (LeRobot)",
     "predict": "train and judge predictors of where a moving object will be",
+    "dynamic": "grasp objects that move on unknown paths: tables beside the thesis', films",
     "export": "write a policy as one file that runs without this package (ONNX, torch.export)",
+    "pick-place": "carry an object from one taught pose to another, in simulation or on real devices",
     "calibrate": "find where a camera is, seen from a robot: board, collection, solution, report",
 }
 """Every verb with its one line of help; verb ``x`` lives in ``tr_grasp.cli.x``."""
@@ -96,7 +99,7 @@ def _say_own_warnings_plainly() -> None:
 
 
 def _help() -> str:
-    verbs = "\n".join(f"  {verb:10} {line}" for verb, line in VERBS.items())
+    verbs = "\n".join(f"  {verb:12} {line}" for verb, line in VERBS.items())
     return (
         f"usage: tr-grasp VERB ...\n\n{tr_grasp.__doc__}\n\nverbs:\n{verbs}\n\n"
         "`tr-grasp VERB --help` lists the flags of a verb; `tr-grasp --version` tells the version."

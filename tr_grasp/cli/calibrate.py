@@ -13,8 +13,8 @@ from tr_grasp.calibration.detection import Refused
 from tr_grasp.calibration.interchange import read_samples, record_of, save_calibration, static_transform
 from tr_grasp.calibration.laboratory import Laboratory
 from tr_grasp.calibration.printing import print_board
-from tr_grasp.calibration.rigid import Array, angle_rad, distance_m, wxyz_from
-from tr_grasp.calibration.samples import SETUPS
+from tr_grasp.calibration.rigid import Array, angle_rad, distance_m
+from tr_grasp.calibration.samples import SETUPS, Setup
 from tr_grasp.calibration.session import HandEyeSession, SessionCfg
 from tr_grasp.calibration.solve import HandEyeResult
 from tr_grasp.cli.calibrate_flags import AddCfg, BoardCfg, ImportCfg, NewCfg, SimulateCfg, SolveCfg, StatusCfg
@@ -22,7 +22,7 @@ from tr_grasp.configs.io import parse
 from tr_grasp.errors import CalibrationError, unknown_name
 from tr_grasp.evaluation.calibration_report import calibration_html
 from tr_grasp.files import write_atomically
-from tr_grasp.geometry import matrix_from_wxyz, transform_from
+from tr_grasp.geometry import look_at, matrix_from_wxyz, transform_from, wxyz_from_matrix
 from tr_grasp.motion import Kinematics
 from tr_grasp.provenance import provenance
 from tr_grasp.robots import robot_spec
@@ -64,7 +64,7 @@ def simulate(args: list[str]) -> int:
     cfg = parse(SimulateCfg, args, prog="tr-grasp calibrate simulate")
     lab = Laboratory(cfg.lab)
     folder = cfg.out or Path("runs/calibration") / f"{cfg.lab.setup}_seed{cfg.lab.seed}"
-    session = HandEyeSession.create(folder, SessionCfg(cfg.lab.setup, cfg.lab.board, cfg.lab.camera))
+    session = HandEyeSession.create(folder, SessionCfg(cfg.lab.setup, cfg.lab.board, lab.told_camera))
     for shot in lab.shoot_all(lab.choose_views(cfg.samples)):
         sample = session.add(shot.picture, shot.T_base_tcp, q_rad=shot.q_rad)
         if isinstance(sample, Refused):
@@ -109,10 +109,8 @@ def status(args: list[str]) -> int:
     session = HandEyeSession.open(cfg.folder)
     _say_coverage(session)
     if cfg.robot is not None:
-        result = session.solve()
-        view = session.suggest(
-            _kinematics(cfg.robot), result.T_parent_cam, result.T_parent_board, np.random.default_rng(cfg.seed)
-        )
+        place = session.place(_rough_camera(cfg, session.cfg.setup))
+        view = session.suggest(_kinematics(cfg.robot), *place, np.random.default_rng(cfg.seed))
         print(f"go next to joints [rad]  {' '.join(f'{q:.4f}' for q in view.q_rad)}")
         print(f"where T_base_tcp is      {_pose_words(view.T_base_tcp)}  (x y z, w x y z)")
     return 0
@@ -183,7 +181,6 @@ def _finish(
 def _write_report(
     session: HandEyeSession, result: HandEyeResult, word: str, args: list[str], truth: Array | None = None
 ) -> Path:
-
     source = provenance(shlex.join(["tr-grasp", "calibrate", word, *args]))
     path = session.folder / REPORT
     write_atomically(path, calibration_html(session, result, source, truth))
@@ -193,7 +190,7 @@ def _write_report(
 def _say_coverage(session: HandEyeSession) -> None:
     coverage = session.coverage
     print(
-        f"{coverage.samples_n} samples, turned by up to {coverage.turn_deg:.0f} degrees about axes that spread by "
+        f"samples: {coverage.samples_n}, turned by up to {coverage.turn_deg:.0f} degrees about axes that spread by "
         f"{coverage.spread_deg:.0f}, moved by up to {coverage.way_m:.2f} m"
     )
     for sentence in coverage.missing:
@@ -202,11 +199,25 @@ def _say_coverage(session: HandEyeSession) -> None:
         print("nothing is missing: solve")
 
 
-def _told_pose(cfg: AddCfg) -> Array:
+def _rough_camera(cfg: StatusCfg, setup: Setup) -> Array | None:
+    """The camera as the flags say it."""
+    if (cfg.camera_at is None) != (cfg.looks_at is None):
+        raise CalibrationError("give --camera-at and --looks-at together.")
+    if cfg.camera_at is None or cfg.looks_at is None:
+        return None
+    up = cfg.up or ((0.0, 0.0, 1.0) if setup == "eye_on_base" else (0.0, -1.0, 0.0))
+    try:
+        return look_at(cfg.camera_at, cfg.looks_at, up)
+    except ValueError as error:
+        raise CalibrationError(f"--camera-at, --looks-at and --up do not go together: {error}.") from error
 
+
+def _told_pose(cfg: AddCfg) -> Array:
     if (cfg.pose is None) == (cfg.joints is None):
         raise CalibrationError("give either --pose or --joints with --robot.")
     if cfg.pose is not None:
+        if not 0.99 < np.linalg.norm(cfg.pose[3:]) < 1.01:
+            raise CalibrationError(f"the quaternion w x y z of --pose must have length 1, got {cfg.pose[3:]}.")
         return transform_from(matrix_from_wxyz(cfg.pose[3:]), cfg.pose[:3])
     if cfg.robot is None:
         raise CalibrationError("joints say nothing without --robot.")
@@ -214,10 +225,8 @@ def _told_pose(cfg: AddCfg) -> Array:
 
 
 def _kinematics(robot: str) -> Kinematics:
-
     return Kinematics(robot_spec(robot))
 
 
 def _pose_words(T: Array) -> str:
-
-    return " ".join(f"{v:.5f}" for v in (*T[:3, 3], *wxyz_from(T)))
+    return " ".join(f"{v:.5f}" for v in (*T[:3, 3], *wxyz_from_matrix(T[:3, :3])))

@@ -88,7 +88,16 @@ class StatusCfg:
     """Folder of the session."""
 
     robot: str | None = None
-    """Name of the robot, or a YAML file about yours: then the next pose is suggested (after three good samples)."""
+    """Name of the robot, or a YAML file about yours: then the next pose is suggested."""
+
+    camera_at: tuple[float, float, float] | None = None
+    """Roughly where the camera is [m], in the base's frame or in the tcp's: needed until the samples can tell."""
+
+    looks_at: tuple[float, float, float] | None = None
+    """A point in the middle of its picture, in the same frame."""
+
+    up: tuple[float, float, float] | None = None
+    """What is up in the picture, in the same frame; z of the base, or -y of the tcp, if not given."""
 
     seed: int = 0
     """Of the suggestion."""

@@ -196,9 +196,9 @@ def replay(args: list[str]) -> int:
 class StageBar:
     """Tries done and time left, on stderr; use it as a context manager."""
 
-    def __init__(self) -> None:
+    def __init__(self, unit: str = "try") -> None:
         pause_s = 0.2 if sys.stderr.isatty() else 10.0
-        self._bar = tqdm(total=0, desc="candidates", unit="try", mininterval=pause_s, dynamic_ncols=True)
+        self._bar = tqdm(total=0, desc="starting", unit=unit, mininterval=pause_s, dynamic_ncols=True)
 
     def __enter__(self) -> StageBar:
         return self

@@ -144,8 +144,12 @@ class DynamicCfg:
     home: Literal["thesis", "robot"] = "thesis"
     """Where the arm waits: as in the thesis (UR5 only: half a metre up, the hand to the side), or the robot's own."""
 
-    objects: str = "primitive"
+    models: str = "primitive"
     """``primitive`` for plain solids of the same size and mass, or a folder of YCB meshes, one sub-folder each."""
+
+    grasps: str | None = None
+    """Folder of grasp sets, OBJECT.grasps.safetensors each; without it, those that come with the package for the plain
+    solids."""
 
     speed_m_s: float = 0.03
     """Of the carrier on its path; along the middle line, if the path is a sine. The thesis names none; see the facts in

@@ -58,20 +58,31 @@ class GraspTrials:
             slot.park()
         self._system.step()
 
-    def __call__(self, grasps: Grasps, rng: np.random.Generator) -> NDArray[np.bool_]:
-        """(n,) whether each of n grasps held, tried once."""
-        outcomes = [
-            self._try(grasps.subset(np.arange(start, min(start + self.cfg.parallel_n, len(grasps)))), rng)
+    def __call__(
+        self, grasps: Grasps, rng: np.random.Generator, velocity_mps: Array | None = None
+    ) -> NDArray[np.bool_]:
+        """(n,) whether each of n grasps held, tried once.
+
+        Args:
+            grasps: Where the hand is while it closes, if the object stands still.
+            rng: Of the misplacements.
+            velocity_mps: (n, 3) of the object and what it stands on, in the object's frame, against a hand that only
+                approaches and lifts; at rest, if not given. The object is where it should be when the fingers start
+                to close.
+        """
+        velocity = np.zeros((len(grasps), 3)) if velocity_mps is None else velocity_mps
+        rows = [
+            np.arange(start, min(start + self.cfg.parallel_n, len(grasps)))
             for start in range(0, len(grasps), self.cfg.parallel_n)
         ]
-        return np.concatenate(outcomes) if outcomes else np.zeros(0, bool)
+        return np.concatenate([np.zeros(0, bool), *(self._try(grasps.subset(k), rng, velocity[k]) for k in rows)])
 
     def _closing_s(self, grasps: Grasps) -> float:
         """Until the fingers have closed on the thinnest of these."""
         gripper = self._spec.gripper
         return (gripper.opening_range_m[1] - float(grasps.width_m.min())) / gripper.speed_mps + self.cfg.settle_s
 
-    def _try(self, grasps: Grasps, rng: np.random.Generator) -> NDArray[np.bool_]:
+    def _try(self, grasps: Grasps, rng: np.random.Generator, velocity: Array) -> NDArray[np.bool_]:
         cfg = self.cfg
         n = len(grasps)
         shift = rng.uniform(-cfg.shift_m, cfg.shift_m, (n, 2))
@@ -79,18 +90,20 @@ class GraspTrials:
         T_obj_tcp = grasps.poses()
         slots = self._slots[:n]
         for k, slot in enumerate(slots):
-            slot.reset(T_obj_tcp[k], shift[k], turn[k], self._stand_z_m)
+            slot.reset(T_obj_tcp[k], shift[k], turn[k], self._stand_z_m, velocity[k] * cfg.approach_s)
         for slot in self._slots[n:]:
             slot.park()
-        motion, before = HandMotion(cfg, self._closing_s(grasps)), None
+        motion, before, drifts = HandMotion(cfg, self._closing_s(grasps)), None, bool(velocity.any())
         for step in range(round(motion.duration_s * cfg.physics_hz)):
             time_s = (step + 1) / cfg.physics_hz
             back, moved = motion.back_at(time_s), motion.moved_at(time_s)
             closing = motion.closing_at(time_s) and step % FINGER_PERIOD == 0
             way = (back, *moved)
-            for slot in slots:
-                if way != before:
-                    slot.move(back, moved)
+            # A belt at rest under a hand that drifts against it is the same physics as a belt that moves.
+            drift = velocity * (cfg.approach_s - time_s)
+            for slot, aside in zip(slots, drift, strict=True):
+                if drifts or way != before:
+                    slot.move(back, moved + aside)
                 if closing:
                     slot.close()
             before = way
@@ -151,8 +164,10 @@ class _Slot:
         scene.add_entity(self.object)
         self._open = spec.gripper.open
 
-    def reset(self, T_obj_tcp: Array, shift: Array, turn: float, stand_z_m: float) -> None:
-        """Put the object at its place, moved and turned, and the hand before where it was to be."""
+    def reset(
+        self, T_obj_tcp: Array, shift: Array, turn: float, stand_z_m: float, aside: Array = np.zeros(3)
+    ) -> None:
+        """Put the object at its place, moved and turned, and the hand before where it was to be, or beside that."""
         origin = np.array([*self._place, stand_z_m])
         self.object.set_pose(sapien.Pose(origin + np.append(shift, 0.0), [np.cos(turn / 2), 0, 0, np.sin(turn / 2)]))
         self._body.set_linear_velocity(np.zeros(3))
@@ -162,13 +177,14 @@ class _Slot:
         self._R_tcp_world = T[:3, :3].T
         self._hand.set_root_pose(sapien.Pose(T))
         q = np.zeros(self._hand.dof, np.float32)
-        q[self._slide_index] = [0.0, 0.0, -self._cfg.approach_m]
+        start = self._R_tcp_world @ aside - [0.0, 0.0, self._cfg.approach_m]
+        q[self._slide_index] = start
         q[self._finger_index] = self._open
         self._hand.set_qpos(q)
         self._hand.set_qvel(np.zeros_like(q))
         self._setpoint = self._coupling.open_setpoint
         for joint, position in zip(
-            [*self._slides, *self._finger_joints], [0.0, 0.0, -self._cfg.approach_m, *self._open], strict=True
+            [*self._slides, *self._finger_joints], [*start, *self._open], strict=True
         ):
             joint.set_drive_target(float(position))
             joint.set_drive_velocity_target(0.0)

@@ -18,7 +18,13 @@ def picture_camera(size_px: int) -> PinholeCamera:
     return PinholeCamera.looking_at(PICTURE_EYE_M, PICTURE_TARGET_M, PICTURE_FOV_RAD, size_px)
 
 
-def picture(scene: RaycastScene, poses: Array, size_px: int, ground: GroundTexture | None = None) -> NDArray[np.uint8]:
+def picture(
+    scene: RaycastScene,
+    poses: Array,
+    size_px: int,
+    ground: GroundTexture | None = None,
+    camera: PinholeCamera | None = None,
+) -> NDArray[np.uint8]:
     """A shaded (size, size, 3) picture of the workspace, with the shadow of one sun.
 
     Args:
@@ -26,8 +32,9 @@ def picture(scene: RaycastScene, poses: Array, size_px: int, ground: GroundTextu
         poses: (moving, 4, 4) ``T_base_body``.
         size_px: Width and height.
         ground: Texture of what never moves; its own colour if there is none.
+        camera: Takes a square picture from elsewhere.
     """
-    camera = picture_camera(size_px)
+    camera = camera or picture_camera(size_px)
     rays = camera.rays_base
     hits = scene.cast(rays, poses)
     seen = hits.body >= 0
@@ -41,4 +48,4 @@ def picture(scene: RaycastScene, poses: Array, size_px: int, ground: GroundTextu
         pixels = np.flatnonzero(hits.body >= scene.moving_n)
         colours[pixels] = ground_colours(ground, camera, pixels)
     colour = np.where(seen[:, None], colours * brightness[:, None], colours)
-    return (255 * np.clip(colour, 0, 1)).astype(np.uint8).reshape(size_px, size_px, 3)
+    return (255 * np.clip(colour, 0, 1)).astype(np.uint8).reshape(camera.height_px, camera.width_px, 3)

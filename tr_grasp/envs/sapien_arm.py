@@ -85,7 +85,7 @@ class SapienArm:
 
     def before_step(self) -> None:
         """Tell the drives where to be at the end of the step."""
-        self._follower.update()
+        self._follower.advance()
         self._send(self._follower.commanded(self._clock() + self._timestep_s))
 
     def _send(self, told: JointState) -> None:

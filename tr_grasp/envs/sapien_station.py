@@ -14,6 +14,7 @@ from tr_grasp.envs.sapien_gripper import SapienGripper
 from tr_grasp.envs.sapien_world import PHYSICS_HZ, SapienWorld
 from tr_grasp.envs.things import Thing
 from tr_grasp.hardware import RGBDImage, Station, intrinsics_of
+from tr_grasp.motion.arguments import Array
 from tr_grasp.robots.agents import CartesianControllerConfig, agent_class
 from tr_grasp.robots.spec import robot_spec
 from tr_grasp.sensing import Body, PinholeCamera, RaycastCamera, RaycastScene
@@ -25,16 +26,22 @@ class SapienCamera:
     Attributes:
         camera: Pose and intrinsics.
         frame: Of its readings.
+        scene: What can be seen, for pictures from elsewhere.
     """
 
     def __init__(self, camera: PinholeCamera, world: SapienWorld, seen: Sequence[tuple[sapien.Entity, Body]]) -> None:
         self.camera, self.frame = camera, "camera_optical_frame"
         self._world, self._entities = world, [entity for entity, _ in seen]
-        self._raycast = RaycastCamera(RaycastScene([body for _, body in seen]), camera)
+        self.scene = RaycastScene([body for _, body in seen])
+        self._raycast = RaycastCamera(self.scene, camera)
+
+    def poses(self) -> Array:
+        """(moving, 4, 4) ``T_base_body`` of all bodies of ``scene``, now."""
+        return np.stack([entity.pose.to_transformation_matrix() for entity in self._entities])
 
     def capture(self) -> RGBDImage:
         """What it sees now."""
-        image = self._raycast.capture(np.stack([e.pose.to_transformation_matrix() for e in self._entities]))
+        image = self._raycast.capture(self.poses())
         depth = np.where(np.isfinite(image.depth), image.depth, np.nan).astype(np.float32)
         rgb = np.round(255 * np.clip(image.colour, 0.0, 1.0)).astype(np.uint8)
         return RGBDImage(self._world.now_s, self.frame, rgb, depth, intrinsics_of(self.camera))

@@ -75,6 +75,15 @@ class SapienWorld:
         """Report what these links touch, by their names."""
         self._links = links
 
+    def watch_also(self, name: str) -> None:
+        """Report what a thing touches too, as if it were a link of the robot: what is in the hand, say.
+
+        Raises:
+            MotionError: No such thing.
+        """
+        self._known(name)
+        self._links = {**self._links, self.entities[name]: name}
+
     def before_step(self, listener: Callable[[], None]) -> None:
         """Call a function before every physics step."""
         self._before_step.append(listener)
@@ -148,12 +157,13 @@ class SapienWorld:
 
     def _observe(self) -> None:
         for name, stream in self._streams.items():
-            stream.observe(self.now_s, self.true_pose(name))
+            if stream.is_due(self.now_s):
+                stream.observe(self.now_s, self.true_pose(name))
 
     def _note_touches(self) -> None:
         for contact in self._system.get_contacts():
             a, b = (body.entity for body in contact.bodies)
-            if a in self._names:
+            if a not in self._links or b not in self._names:
                 a, b = b, a
             if a not in self._links or b not in self._names:
                 continue

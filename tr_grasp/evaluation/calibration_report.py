@@ -11,11 +11,12 @@ import numpy as np
 from tr_grasp.calibration.interchange import record_of, static_transform
 from tr_grasp.calibration.overlay import draw_overlay, expected_error_px
 from tr_grasp.calibration.problem import Problem
-from tr_grasp.calibration.rigid import Array, angle_rad, distance_m, wxyz_from
+from tr_grasp.calibration.rigid import Array, angle_rad, distance_m
 from tr_grasp.calibration.samples import Sample
 from tr_grasp.calibration.session import HandEyeSession
 from tr_grasp.calibration.solve import HandEyeResult, SampleError
 from tr_grasp.evaluation import page
+from tr_grasp.geometry import wxyz_from_matrix
 from tr_grasp.provenance import Provenance
 
 SAMPLE_COLUMNS = ("sample", "off [mm]", "off [deg]", "held out [mm]", "held out [deg]", "corners [px]", "")
@@ -73,7 +74,7 @@ def _facts(session: HandEyeSession, result: HandEyeResult) -> list[tuple[str, st
     coverage, noise = result.coverage, result.noise
     facts = [
         ("position [m]", ", ".join(f"{v:.5f}" for v in T[:3, 3])),
-        ("quaternion w, x, y, z", ", ".join(f"{v:.6f}" for v in wxyz_from(T))),
+        ("quaternion w, x, y, z", ", ".join(f"{v:.6f}" for v in wxyz_from_matrix(T[:3, :3]))),
         ("static transform", static_transform(record_of(result, frames))),
         ("method", f"{result.method}, {'then refined on all corners' if result.refined else 'not refined'}"),
         (

@@ -50,9 +50,13 @@ def transform_from(R_a_b: ArrayLike, t_a_b: ArrayLike) -> Array:
 
 
 def invert_transform(T_a_b: Array) -> Array:
-    """``T_b_a`` of a rigid ``T_a_b`` (4, 4)."""
-    R = T_a_b[:3, :3].T
-    return transform_from(R, -R @ T_a_b[:3, 3])
+    """``T_b_a`` (*batch, 4, 4) of rigid ``T_a_b``."""
+    T = np.zeros(T_a_b.shape)
+    R = np.swapaxes(T_a_b[..., :3, :3], -1, -2)
+    T[..., :3, :3] = R
+    T[..., :3, 3] = -(R @ T_a_b[..., :3, 3, None])[..., 0]
+    T[..., 3, 3] = 1.0
+    return T
 
 
 def rotate_points(R_a_b: Array, vectors_b: Array) -> Array:

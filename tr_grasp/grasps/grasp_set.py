@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ Array = NDArray[np.floating]
 FORMAT = "tr_grasp.grasp_set.1"
 ENDING = ".grasps.safetensors"
 ROUNDED_TO_M = 1e-5
+_NUMBER = re.compile(r"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
 NORMAL_95 = 1.959964
 _SHIPPED = Path(__file__).parent / "sets"
 
@@ -142,10 +144,16 @@ def shape_key(model: ObjectModel, gripper: str) -> str:
     Raises:
         GraspError: No such gripper.
     """
-    content = hashlib.sha256(urdf_text(without_paths(floating_gripper(gripper))).encode())
+    hand = urdf_text(without_paths(floating_gripper(gripper)))
+    content = hashlib.sha256(_NUMBER.sub(_rounded, hand).encode())
     for part in model.parts:
         content.update(np.round(np.asarray(part.vertices) / ROUNDED_TO_M).astype(np.int64).tobytes())
     return content.hexdigest()[:32]
+
+
+def _rounded(number: re.Match[str]) -> str:
+    """A number of a URDF without the digits that another order of the same sums would change."""
+    return f"{float(number.group()) + 0.0:.5f}".replace("-0.00000", "0.00000")
 
 
 def shipped_objects(gripper: str = "robotiq_2f85") -> tuple[str, ...]:

@@ -91,7 +91,7 @@ class Follower:
         """See :meth:`tr_grasp.hardware.Arm.servo`."""
         limits, now = self.limits, self._clock()
         q, dq = (joint_vector(name, x, limits.dof) for name, x in (("q_rad", q_rad), ("dq_rad_s", dq_rad_s)))
-        self.update()
+        self.advance()
         current = self._pieces[-1]
         if not limits.hold(q):
             return Command.refused(f"the set-point {np.round(q, 4).tolist()} is outside the joint limits")
@@ -112,7 +112,7 @@ class Follower:
     def stop(self, ending: Ending = Ending.STOPPED, detail: str = "") -> None:
         """Brake as fast as the limits allow, or go on braking."""
         now = self._clock()
-        self.update()
+        self.advance()
         braking = len(self._pieces) == 1 and self._pieces[0].command is None
         for piece in self._pieces:
             if piece.command is not None:
@@ -123,6 +123,11 @@ class Follower:
 
     def update(self) -> JointState:
         """What is commanded now; commands that have ended by now are told so."""
+        self.advance()
+        return self.commanded()
+
+    def advance(self) -> None:
+        """Tell commands that have ended by now; :meth:`update` for whoever needs no joints."""
         now = self._clock()
         while len(self._pieces) > 1 and self._pieces[1].starts_s <= now + LATE_S:
             gone = self._pieces.pop(0)
@@ -136,7 +141,6 @@ class Follower:
             late = f"no set-point for {self.setpoint_timeout_s:g} s"
             piece.command.end(*((Ending.STOPPED, late) if piece.is_stream else (Ending.DONE,)))
             piece.command = None
-        return self.commanded(now)
 
     @property
     def is_idle(self) -> bool:
@@ -160,7 +164,7 @@ class Follower:
                 piece.command.end(Ending.SUPERSEDED)
         kept = [piece for piece in self._pieces if piece.starts_s < new.starts_s - LATE_S]
         self._pieces = [*kept, new]
-        self.update()
+        self.advance()
 
     def _cancel(self, command: Command) -> None:
         now = self._clock()

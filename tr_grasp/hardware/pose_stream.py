@@ -58,9 +58,13 @@ class PoseStream:
         self._next = 0
         self._readings: deque[PoseReading] = deque(maxlen=KEPT_N)
 
+    def is_due(self, now_s: float) -> bool:
+        """Whether :meth:`observe` would make a reading now."""
+        return now_s >= self._next / self.cfg.rate_hz - EARLY_S
+
     def observe(self, now_s: float, T_base_object: Array) -> None:
         """Tell where the thing is; call it at least as often as readings are due."""
-        if now_s < self._next / self.cfg.rate_hz - EARLY_S:
+        if not self.is_due(now_s):
             return
         number = int(np.floor(now_s * self.cfg.rate_hz + EARLY_S))
         self._next = number + 1

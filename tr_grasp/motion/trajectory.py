@@ -112,6 +112,8 @@ class Trajectory:
     def sample(self, times_s: ArrayLike) -> JointState:
         """States at times (*batch,): fields (*batch, dof). Before the start and after the end the arm stands there."""
         times = np.asarray(times_s, float)
+        if times.ndim == 0:
+            return self._sample_once(float(times))
         clipped = np.clip(times, 0.0, self.duration_s)
         piece = np.clip(np.searchsorted(self.times_s, clipped, side="right") - 1, 0, len(self.times_s) - 2)
         tau = (clipped - self.times_s[piece])[..., None]
@@ -123,6 +125,18 @@ class Trajectory:
             moving * (v0 + tau * (a0 + tau * jerk / 2)),
             moving * (a0 + tau * jerk),
         )
+
+    def _sample_once(self, time_s: float) -> JointState:
+        """As :meth:`sample` at one time, several times faster: drives ask for it at every step of the physics."""
+        tau = min(max(time_s, 0.0), self.duration_s)
+        piece = min(max(int(np.searchsorted(self.times_s, tau, side="right")) - 1, 0), len(self.times_s) - 2)
+        tau -= float(self.times_s[piece])
+        a0, jerk = (values[piece] for values in self._pieces)
+        q0, v0 = self.q_rad[piece], self.dq_rad_s[piece]
+        q = q0 + tau * (v0 + tau * (a0 / 2 + tau * jerk / 6))
+        if not 0 <= time_s <= self.duration_s:
+            return JointState(q, np.zeros_like(q), np.zeros_like(q))
+        return JointState(q, v0 + tau * (a0 + tau * jerk / 2), a0 + tau * jerk)
 
     def every(self, period_s: float) -> tuple[Array, JointState]:
         """Times (m,) at a fixed period, the end included, and the states there."""

@@ -1,0 +1,290 @@
+"""``tr-grasp pick-place``: carry an object from one taught pose to another."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from tr_grasp.cli.table import text_table
+from tr_grasp.configs.io import parse
+from tr_grasp.errors import ConfigError
+from tr_grasp.files import make_folder, write_atomically
+
+if TYPE_CHECKING:
+    from tr_grasp.envs.sapien_station import SapienStation
+    from tr_grasp.pick_place import BlindPickPlace, StationCfg, TaskPlan, TaskResult
+
+SIM = "sim"
+FILM_S = 0.2
+SETTLE_S = 0.3
+AFTER_S = 0.7
+FAILED = 1
+
+
+@dataclass(frozen=True)
+class PickPlaceCfg:
+    """Pick and place at a station's taught poses, in simulation or on real devices: planned, timed, carried out."""
+
+    station: str = "thesis"
+    """A station that comes with the package, or your own YAML file."""
+
+    dry_run: bool = False
+    """Plan all stages, print them, and move nothing."""
+
+    arm: str = SIM
+    """sim, or the name of an arm's adapter; a run on a device begins with a dry run and asks."""
+
+    gripper: str | None = None
+    """Name of the gripper's adapter, where the arm does not bring its own."""
+
+    camera: str | None = None
+    """Name of the camera's adapter."""
+
+    find: Literal["taught", "camera"] = "taught"
+    """Where the object is: where it was taught, or where a camera sees it."""
+
+    camera_pose: Path | None = None
+    """A calibration of that camera (tr-grasp calibrate); in simulation it is known."""
+
+    trials: int = 1
+    """How many, in simulation."""
+
+    shift_m: float = 0.0
+    """Largest shift of the simulated object along x and y."""
+
+    seed: int = 0
+    """Of the first trial; the next ones have the next seeds."""
+
+    retries: int = 2
+    """How often a grip that failed is tried again."""
+
+    strip: Path | None = None
+    """Write a PNG with one picture for each stage."""
+
+    view: Path | None = None
+    """Film it into this GIF or MP4."""
+
+    out: Path | None = None
+    """Write a line of JSON for each trial."""
+
+    def __post_init__(self) -> None:
+        if self.trials < 1 or self.retries < 0:
+            raise ConfigError(f"--trials must be 1 or more and --retries 0 or more, got {self.trials}, {self.retries}.")
+        if self.trials > 1 and (self.dry_run or self.strip or self.view or self.arm != SIM or self.find != "taught"):
+            raise ConfigError("--trials counts simulated, blind ones; leave the other flags out or make it 1.")
+        if self.arm != SIM and (self.strip or self.view):
+            raise ConfigError("--strip and --view draw a simulation; leave them out for --arm " + self.arm)
+
+
+def main(args: list[str]) -> int:
+    """Run the verb.
+
+    Returns:
+        0; 1 if the object was not placed, a wall was touched, or there is no plan.
+    """
+    cfg = parse(PickPlaceCfg, args, prog="tr-grasp pick-place")
+    from tr_grasp.pick_place import read_station
+
+    station = read_station(cfg.station)
+    if cfg.trials > 1:
+        return many(cfg, station)
+    return simulated(cfg, station) if cfg.arm == SIM else on_devices(cfg, station)
+
+
+def many(cfg: PickPlaceCfg, station: StationCfg) -> int:
+    """Trials with the object shifted, and what became of them."""
+    from tr_grasp.evaluation.pick_place import pick_place_trials
+    from tr_grasp.evaluation.statistics import wilson_interval
+
+    lines, good = [], []
+    for trial in pick_place_trials(station, cfg.trials, seed=cfg.seed, shift_m=cfg.shift_m, retries_n=cfg.retries):
+        good.append(trial)
+        lines.append(json.dumps(dataclasses.asdict(trial)))
+        print(
+            f"seed {trial.seed}  {'placed' if trial.placed else 'not placed'}  {trial.touches_n} touches  "
+            f"{trial.cycle_s:.1f} s  {trial.reason}",
+            flush=True,
+        )
+        if cfg.out is not None:
+            make_folder(cfg.out.parent)
+            write_atomically(cfg.out, "\n".join(lines) + "\n")
+    successes = sum(trial.succeeded for trial in good)
+    low, high = wilson_interval(successes, len(good))
+    times = [trial.cycle_s for trial in good]
+    print(
+        f"{successes} of {len(good)} placed without touching a wall [{100 * low:.0f}, {100 * high:.0f}] %, "
+        f"cycle {np.mean(times):.1f} s ({min(times):.1f} to {max(times):.1f})"
+    )
+    return 0 if successes == len(good) else FAILED
+
+
+def simulated(cfg: PickPlaceCfg, station: StationCfg) -> int:
+    """One task in SAPIEN."""
+    from tr_grasp.envs.pick_place_view import snapshot, strip_of, view_camera
+    from tr_grasp.envs.pick_place_world import judge, pick_place_world
+    from tr_grasp.pick_place import BlindPickPlace
+
+    rng = np.random.default_rng(cfg.seed)
+    shift = rng.uniform(-cfg.shift_m, cfg.shift_m, 2)
+    foot = (station.object.foot_m[0] + shift[0], station.object.foot_m[1] + shift[1])
+    eye = view_camera(station)
+    devices = pick_place_world(station, foot_m=foot, camera=look_camera(station) if cfg.find == "camera" else eye)
+    devices.world.wait(SETTLE_S)
+    devices.world.forget_touches()
+    pictures = []
+
+    def watch(record) -> None:
+        print(f"  {record.begun_s:6.2f} s  {record.name:12} {record.reason or 'done'}", flush=True)
+        if cfg.strip is not None:
+            pictures.append((record.name, snapshot(devices, eye)))
+
+    locate = None if cfg.find == "taught" else locator(cfg, station, devices)
+    task = BlindPickPlace(station, devices, locate=locate, watch=watch)
+    if cfg.dry_run:
+        return show_plan(task, cfg.strip, devices, eye)
+    film = Film(devices, eye) if cfg.view is not None else None
+    result = task.run(cfg.retries)
+    devices.world.wait(AFTER_S)
+    verdict = judge(devices, station)
+    say(result)
+    print(f"the simulator: {'placed' if verdict.placed else 'not placed'}, {len(verdict.touches)} touches of walls")
+    if cfg.strip is not None and pictures:
+        make_folder(cfg.strip.parent)
+        write_atomically(cfg.strip, strip_of(pictures))
+        print(f"strip {cfg.strip}")
+    if film is not None and cfg.view is not None:
+        film.save(cfg.view)
+        print(f"film  {cfg.view}")
+    return 0 if verdict.placed and not verdict.touches else FAILED
+
+
+def on_devices(cfg: PickPlaceCfg, station: StationCfg) -> int:
+    """One task on real devices: a dry run, a question, then the task behind a guard."""
+    from tr_grasp.hardware import Guard
+    from tr_grasp.hardware.devices import confirm, open_station
+    from tr_grasp.motion import Kinematics
+    from tr_grasp.pick_place import BlindPickPlace
+    from tr_grasp.robots import robot_spec
+
+    devices = open_station(cfg.arm, cfg.gripper, cfg.camera)
+    guarded = Guard(devices, Kinematics(robot_spec(station.robot))).station
+    locate = None if cfg.find == "taught" else locator(cfg, station, guarded)
+    task = BlindPickPlace(
+        station, guarded, locate=locate, watch=lambda record: print(f"  {record.name:12} {record.reason or 'done'}")
+    )
+    if code := show_plan(task):
+        return code
+    if cfg.dry_run:
+        return 0
+    if not confirm(f"Move {cfg.arm} through these stages?"):
+        print("nothing was moved")
+        return FAILED
+    result = task.run(cfg.retries)
+    say(result)
+    return 0 if result.outcome.succeeded else FAILED
+
+
+def show_plan(task: BlindPickPlace, strip: Path | None = None, devices: SapienStation | None = None, eye=None) -> int:
+    """Print what would be done and, if wanted, draw where the arm would be after each stage."""
+    plan = task.dry_run()
+    if isinstance(plan, str):
+        print(f"the object was not found: {plan}")
+        return FAILED
+    print(plan_table(plan))
+    if not plan.succeeded:
+        print(f"no plan: {plan.reason}")
+    if strip is not None and devices is not None:
+        from tr_grasp.envs.pick_place_view import snapshot, strip_of
+
+        pictures = []
+        for step in plan.stages:
+            if step.trajectory is not None:
+                devices.arm.place(step.trajectory.q_rad[-1])
+            pictures.append((step.stage.name, snapshot(devices, eye)))
+        if pictures:
+            make_folder(strip.parent)
+            write_atomically(strip, strip_of(pictures))
+            print(f"strip {strip}")
+    return 0 if plan.succeeded else FAILED
+
+
+def plan_table(plan: TaskPlan) -> str:
+    """Stages, how each motion was found, and how long it takes."""
+    rows = []
+    for step in plan.stages:
+        if step.plan is None or step.plan.path is None:
+            rows.append([step.stage.name, step.stage.do, "", "", ""])
+            continue
+        found = step.plan.how or "already there"
+        rows.append([step.stage.name, step.stage.do, found, str(len(step.plan.path)), f"{step.duration_s:.2f}"])
+    total = sum(step.duration_s for step in plan.stages)
+    table = text_table(["stage", "do", "found by", "waypoints", "seconds"], rows, left_n=3)
+    return f"{table}\nmotions take {total:.1f} s, planning took {plan.seconds:.2f} s; nothing was moved"
+
+
+def say(result: TaskResult) -> None:
+    """How the task went, by its own account."""
+    for reason in result.retries:
+        print(f"tried again: {reason}")
+    print(f"{result.reason}; {result.cycle_s:.1f} s")
+
+
+def look_camera(station: StationCfg):
+    """A simulated camera that looks at where the object is to be found."""
+    from tr_grasp.sensing import PinholeCamera
+
+    if station.search_m is None:
+        raise ConfigError(f"--find camera needs search_m in the station {station.robot!r}.")
+    middle = np.mean(station.search_m, axis=0)
+    return PinholeCamera.looking_at(middle + np.array([0.75, -0.45, 0.45]), middle, 0.5, 200)
+
+
+def locator(cfg: PickPlaceCfg, station: StationCfg, devices):
+    """What finds the object with the camera of the devices.
+
+    Raises:
+        ConfigError: There is no camera, or its place is not known.
+    """
+    from tr_grasp.pick_place import seen_by
+
+    if devices.camera is None:
+        raise ConfigError("--find camera needs --camera.")
+    if cfg.camera_pose is not None:
+        from tr_grasp.calibration.interchange import load_calibration
+
+        record = load_calibration(cfg.camera_pose)
+        if record.setup != "eye_on_base":
+            raise ConfigError(f"--camera-pose must be of a camera beside the robot, '{cfg.camera_pose}' is in its hand.")
+        T_base_cam = np.asarray(record.T_parent_cam)
+    elif cfg.arm == SIM:
+        T_base_cam = devices.camera.camera.T_base_cam
+    else:
+        raise ConfigError("--find camera needs --camera-pose, the result of tr-grasp calibrate.")
+    return seen_by(devices.camera, T_base_cam, station)
+
+
+class Film:
+    """Takes a picture every 0.2 simulated seconds."""
+
+    def __init__(self, devices: SapienStation, eye) -> None:
+        self._devices, self._eye, self._next_s, self._frames = devices, eye, 0.0, []
+        devices.world.before_step(self._look)
+
+    def _look(self) -> None:
+        from tr_grasp.envs.pick_place_view import snapshot
+
+        if self._devices.world.now_s >= self._next_s:
+            self._next_s = self._devices.world.now_s + FILM_S
+            self._frames.append(snapshot(self._devices, self._eye))
+
+    def save(self, path: Path) -> None:
+        """Write it."""
+        from tr_grasp.evaluation.film import save_film
+
+        make_folder(path.parent)
+        save_film(path, self._frames, FILM_S / 2)

@@ -1,0 +1,197 @@
+"""The planner of the thesis, its Algorithm 1: predict, rank, plan, and approach blindly once near enough.
+
+Constants are those of the thesis and of the implementation that was published with it. Ours differs where that
+implementation gains from a simulator: its approach starts with a jump of the arm, which no arm can do, and its fingers
+close in 0.2 s, which no 2F-85 does; here the arm leaves from where it is, and follows for as long as closing takes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tr_grasp.dynamic.attempt import CYCLE_S, Run
+from tr_grasp.dynamic.intercept import HALF_TURN
+from tr_grasp.dynamic.method import GraspOutcome, Phase
+from tr_grasp.dynamic.target import Forecast
+from tr_grasp.dynamic.tool_path import moved_along_tool
+from tr_grasp.grasps.ranking import rank_grasps
+from tr_grasp.motion import Outcome, Plan, Planner, PlannerCfg, Trajectory, inverse_kinematics, time_optimal
+
+Array = NDArray[np.floating]
+Ending = tuple[GraspOutcome, str]
+
+FAR_M, NEAR_M = 0.3, 0.1
+HORIZON_FAR_S, HORIZON_MIDDLE_S, HORIZON_NEAR_S = 2.0, 1.0, 0.0
+GRASP_WITHIN = 1.1
+"""Times the back-off: how near the hand must be to the grasp to approach."""
+GRASP_WITHIN_RAD, JOINTS_WITHIN_RAD = np.deg2rad(20.0), 0.1
+APPROACH_S, CLOSE_S = 1.0, 0.2
+JUMP_RAD = 2.0
+MOST_N = 10
+PLANNER = PlannerCfg(time_limit_s=0.5)
+PLANNING_AHEAD_S = 0.14
+"""Planning is expected to take so long: a plan begins where the one before it will be by then."""
+
+
+class Algorithm1:
+    """Plans to where the object will be in two, one or no seconds, by the distance of the hand; one grasp at a time.
+
+    Args:
+        run: Of which this is the planner.
+    """
+
+    follows_while_closing = False
+    """Its approach goes on by itself."""
+
+    def __init__(self, run: Run) -> None:
+        self.run, self.cfg = run, run.cfg
+        self._planner = Planner(run.scene.way, PLANNER)
+        self._plan: Plan | None = None
+        self._q_pre: Array | None = None
+        self._T_obj_tcp: Array | None = None
+        self._number: int | None = None
+        self._forecast: Forecast | None = None
+
+    def reach(self) -> Ending | None:
+        """Come to where the approach ends and the fingers close; or why that is not to be."""
+        run = self.run
+        run.tell(Phase.REACHING)
+        while True:
+            run.target.look(run.world)
+            if lost := run.lost():
+                return GraspOutcome.LOST, lost
+            if run.path_is_over():
+                return GraspOutcome.PATH_FINISHED, ""
+            if not run.target.is_known:
+                run.world.wait(CYCLE_S)
+                continue
+            before_s = run.now_s
+            self._loop()
+            if run.now_s == before_s:
+                run.world.wait(CYCLE_S)  # where thinking costs nothing, the world must go on all the same
+            if self._can_grasp() and self._approach():
+                return None
+
+    def grasp(self) -> tuple[Forecast, Array]:
+        """The forecast of the approach, and ``T_obj_tcp`` of the grasp."""
+        assert self._forecast is not None and self._T_obj_tcp is not None
+        return self._forecast, self._T_obj_tcp
+
+    def failed(self) -> None:
+        """The grasp did not hold."""
+        self._plan = self._q_pre = None
+
+    def horizon_s(self) -> float:
+        """How far ahead the object is looked for, by the distance of the hand to the pre-grasp that it goes to."""
+        if not self.cfg.look_ahead:
+            return 0.0
+        if self._q_pre is None:
+            return HORIZON_FAR_S
+        kinematics = self.run.kinematics
+        ways = kinematics.pose(np.stack([self.run.arm.state().q_rad, self._q_pre]))[:, :3, 3]
+        distance = float(np.linalg.norm(ways[0] - ways[1]))
+        if distance > FAR_M:
+            return HORIZON_FAR_S
+        return HORIZON_MIDDLE_S if distance > NEAR_M else HORIZON_NEAR_S
+
+    def _loop(self) -> None:
+        run = self.run
+        run.loops += 1
+        run.target.look(run.world)
+        horizon = self.horizon_s()
+        seen_s = run.target.seen_s
+        assert seen_s is not None
+        # As published, from the last reading on: its age is not made up for.
+        forecast = run.target.forecast(seen_s, seen_s + horizon + 2.0)
+        self._forecast = forecast
+        run.scene.expect(forecast)
+        when_s = seen_s + horizon
+        q_now = run.arm.commanded().q
+        with run.thinking("ranking"):
+            chosen = self._ranked(forecast.poses(np.array([when_s]))[0], q_now)
+        with run.thinking("inverse_kinematics", 2 * len(chosen)):
+            self._choose(chosen, forecast, when_s, q_now)
+        run.notes["ik_calls"] += 2 * len(chosen)
+        if self._q_pre is not None:
+            self._go(self._q_pre, when_s)
+
+    def _ranked(self, T_base_obj: Array, q: Array) -> NDArray[np.integer]:
+        run = self.run
+        if self._number is not None and not self.cfg.switching and self._q_pre is not None:
+            return np.array([self._number])
+        grasps = run.task.grasps
+        return rank_grasps(run.kinematics, grasps, T_base_obj, q, self.cfg.ranking, self.cfg.back_off_m)[:MOST_N]
+
+    def _choose(self, chosen: NDArray[np.integer], forecast: Forecast, when_s: float, q_now: Array) -> None:
+        """The grasp whose postures at pre-grasp and grasp are nearest in joint space, among those that are free."""
+        run = self.run
+        if not len(chosen):
+            return
+        T_obj_tcp = run.task.grasps.grasps.poses()[chosen]
+        T_obj_tcp = np.concatenate([T_obj_tcp, T_obj_tcp @ HALF_TURN])
+        number = np.tile(chosen, 2)
+        T = forecast.poses(np.array([when_s]))[0] @ T_obj_tcp
+        pre = inverse_kinematics(run.kinematics, moved_along_tool(T, self.cfg.back_off_m), q_now).q_rad
+        at = inverse_kinematics(run.kinematics, T, np.where(np.isfinite(pre), pre, q_now)).q_rad
+        ok = np.isfinite(pre).all(-1) & np.isfinite(at).all(-1)
+        times = np.full(int(ok.sum()), when_s)
+        if ok.any():
+            ok[ok] = run.scene.way.free(pre[ok], times) & run.scene.grasp.free(at[ok], times)
+        if not ok.any():
+            return
+        way = np.linalg.norm(pre - q_now, axis=1) + np.linalg.norm(at - q_now, axis=1)
+        i = int(np.argmin(np.where(ok, way, np.inf)))
+        if self._number is not None and number[i] != self._number:
+            run.switches += 1
+        self._number, self._q_pre, self._T_obj_tcp = int(number[i]), pre[i], T_obj_tcp[i]
+
+    def _go(self, q: Array, when_s: float) -> None:
+        """Plan to the pre-grasp; if that fails, the plan before it goes on."""
+        run = self.run
+        start_s = run.now_s + max(PLANNING_AHEAD_S, run.lead_s)
+        start = run.arm.commanded(start_s)
+        with run.thinking("planning"):
+            run.notes["planner_calls"] += 1
+            previous = self._plan if self.cfg.seeding else None
+            plan = self._planner.plan(start.q, q, previous=previous, time_s=when_s)
+            if plan.outcome is not Outcome.OK or plan.path is None:
+                return
+            speed = start.dq if self.cfg.seeding and np.abs(start.dq).max() > 1e-6 else None
+            way = time_optimal(plan.path, run.limits, start_speed_rad_s=speed).trajectory
+        if way is None and speed is not None:
+            run.arm.stop()  # not from that speed: brake, and leave from rest in the next loop
+        elif way is not None and run.send(way, start_s):
+            self._plan = plan
+
+    def _can_grasp(self) -> bool:
+        run = self.run
+        if self._q_pre is None or self._T_obj_tcp is None:
+            return False
+        off_m, off_rad = run.tool_error(run.target.last_pose @ self._T_obj_tcp)
+        near = off_m <= GRASP_WITHIN * self.cfg.back_off_m and off_rad <= GRASP_WITHIN_RAD
+        return near or bool(np.abs(run.arm.state().q_rad - self._q_pre).max() < JOINTS_WITHIN_RAD)
+
+    def _approach(self) -> bool:
+        """Go to where the grasp will be in a second and along with the object from there; false if that cannot be."""
+        run = self.run
+        assert self._T_obj_tcp is not None and run.target.seen_s is not None
+        forecast = run.target.forecast(run.target.seen_s, run.target.seen_s + 2 * APPROACH_S)
+        start_s, seen_s = run.now_s, run.target.seen_s
+        start = run.arm.commanded(start_s)
+        T = forecast.poses(seen_s + np.array([APPROACH_S, APPROACH_S + CLOSE_S])) @ self._T_obj_tcp
+        q = inverse_kinematics(run.kinematics, T, start.q).q_rad
+        if not np.isfinite(q).all() or np.abs(q - start.q).max() > JUMP_RAD or np.abs(q[1] - q[0]).max() > 0.2:
+            return False
+        speed = (q[1] - q[0]) / CLOSE_S
+        path = Trajectory(
+            np.array([0.0, APPROACH_S, APPROACH_S + 2 * CLOSE_S]),
+            np.stack([start.q, q[0], q[0] + 2 * CLOSE_S * speed]),
+            np.stack([start.dq, speed, speed]),
+        )
+        if not run.send(path, start_s):
+            return False
+        self._forecast = forecast
+        run.tell(Phase.APPROACHING)
+        run.world.wait(APPROACH_S)
+        return True

@@ -1,0 +1,195 @@
+"""What both planners share: devices, knowledge, clocks and counters of one run, and what hands do at a grasp."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tr_grasp.configs.dynamic import Work
+from tr_grasp.dynamic.charges import charged
+from tr_grasp.dynamic.method import DynamicTask, GraspOutcome, MethodResult, Phase
+from tr_grasp.dynamic.scene import Scene
+from tr_grasp.dynamic.settings import GrasperCfg
+from tr_grasp.dynamic.target import Forecast, Target
+from tr_grasp.dynamic.tool_path import ToolPoses, follow, shortest_allowed, smooth
+from tr_grasp.hardware import Ending, Station
+from tr_grasp.motion import Kinematics, MotionLimits, Trajectory
+from tr_grasp.prediction.registry import make_predictor
+from tr_grasp.robots import RobotSpec
+
+Array = NDArray[np.floating]
+
+CYCLE_S = 0.04
+"""The arm gets a new plan this often, if thinking is quick enough: 25 Hz."""
+SHORTEST_LEAD_S, LEAD_FACTOR = 0.01, 1.3
+CLOSING_LIMIT_S = 2.0
+LIFTS_S = (0.7, 1.0, 1.5, 2.5, 4.0, 6.0)
+EMPTY_M = 2e-3
+"""Pads that are nearer than this hold nothing."""
+RAISED_SHARE = 0.5
+PATIENCE_S = 0.5
+
+
+class Run:
+    """One run of a method.
+
+    Args:
+        station: The devices.
+        task: What is to be grasped, and where.
+        cfg: Settings.
+    """
+
+    def __init__(self, station: Station, task: DynamicTask, cfg: GrasperCfg) -> None:
+        self.station, self.task, self.cfg = station, task, cfg
+        self.arm, self.world = station.arm, station.world
+        self.kinematics = _kinematics(task.robot)
+        self.limits = MotionLimits.of(task.robot, cfg.limits)
+        self.target = Target(task.target, make_predictor(cfg.predictor, cfg.motion_class), cfg.look_ahead)
+        self.scene = Scene.of(self.kinematics, task, self.arm.commanded().q)
+        self.begun_s = self.world.now_s
+        self.thinking_s = self.longest_s = 0.0
+        self.attempts = self.loops = self.switches = 0
+        self.committed_s: float | None = None
+        self.notes: dict[str, float] = {"ik_calls": 0.0, "planner_calls": 0.0, "longest_loop_s": 0.0}
+        self._recent_s = 0.03
+
+    @property
+    def now_s(self) -> float:
+        """The world's clock."""
+        return self.world.now_s
+
+    @property
+    def lead_s(self) -> float:
+        """How long the next thought may take, judging by the ones before it."""
+        return max(SHORTEST_LEAD_S, LEAD_FACTOR * self._recent_s)
+
+    @contextmanager
+    def thinking(self, work: Work, calls_n: int = 1) -> Iterator[None]:
+        """What is computed inside costs time."""
+        with charged(self.world, self.task.charges, work, calls_n) as thought:
+            yield
+        self.thinking_s += thought.seconds
+        self._recent_s = max(thought.seconds, 0.8 * self._recent_s)
+        self.notes["longest_loop_s"] = max(self.notes["longest_loop_s"], thought.seconds)
+
+    def tell(self, phase: Phase) -> None:
+        """Say what goes on."""
+        if phase is Phase.APPROACHING:
+            self.committed_s = self.now_s - self.begun_s
+        self.task.tell(phase)
+
+    def lost(self) -> str:
+        """Why the target counts as lost; empty if it does not."""
+        seen = self.target.seen_s
+        since = self.now_s - (self.begun_s if seen is None else seen)
+        return f"no reading for {since:.1f} s" if since > self.cfg.lost_after_s else ""
+
+    def path_is_over(self) -> bool:
+        """The object has stopped, and the trial with it."""
+        return self.task.path_end_s is not None and self.now_s >= self.task.path_end_s
+
+    def result(self, outcome: GraspOutcome, detail: str = "", lifted_s: float | None = None) -> MethodResult:
+        """What came of it."""
+        return MethodResult(
+            outcome, detail, self.committed_s, lifted_s, self.thinking_s, self.attempts, self.loops, self.switches,
+            dict(self.notes),
+        )  # fmt: skip
+
+    def send(self, trajectory: Trajectory, at_s: float) -> bool:
+        """Have the arm follow a trajectory from a time on; false if that is refused, for example because it is late."""
+        command = self.arm.move(trajectory, at_s=at_s)
+        return command.result is None or command.result.ending is not Ending.REFUSED
+
+    def tool_error(self, T_base_tcp: Array) -> tuple[float, float]:
+        """How far [m] and how much turned [rad] the tool is from where it should be, as measured."""
+        T = self.kinematics.pose(self.arm.state().q_rad)
+        turn = np.arccos(np.clip((np.trace(T[:3, :3].T @ T_base_tcp[:3, :3]) - 1) / 2, -1.0, 1.0))
+        return float(np.linalg.norm(T[:3, 3] - T_base_tcp[:3, 3])), float(turn)
+
+    def go_along(self, tool_poses: ToolPoses, duration_s: float, near_q: Array | None = None) -> bool:
+        """Follow a moving pose from now on."""
+        start_s = self.now_s
+        start = self.arm.commanded(start_s)
+        path = follow(self.kinematics, self.limits, tool_poses, start, start_s, duration_s, near_q)
+        return path is not None and self.send(path, start_s)
+
+    def close(self, forecast: Forecast, T_obj_tcp: Array, goes_along: bool = True) -> bool:
+        """Close the fingers while the hand goes along with the object; whether there is something between them.
+
+        Without ``goes_along``, the hand goes on as it was told before. What is seen of the object while fingers push it is no news about its path, so the forecast stays as it was.
+        """
+        self.tell(Phase.CLOSING)
+        self.attempts += 1
+        if goes_along:
+            self.go_along(lambda times: forecast.poses(times) @ T_obj_tcp, CLOSING_LIMIT_S + 0.5)
+        gripper = self.station.gripper
+        command, until = gripper.move(gripper.opening_range_m[0]), self.now_s + CLOSING_LIMIT_S
+        while not command.done and self.now_s < until:
+            self.world.wait(CYCLE_S / 2)
+        return gripper.state().opening_m > EMPTY_M
+
+    def lift(self) -> bool:
+        """Take the hand straight up while what it moved along with runs out; whether the arm could."""
+        self.tell(Phase.LIFTING)
+        start_s = self.now_s
+        start = self.arm.commanded(start_s)
+        T, speed = self.kinematics.pose(start.q), self.kinematics.tcp_velocity(start.q, start.dq)[:3]
+
+        def rising(lift_s: float) -> Trajectory | None:
+            def poses(times_s: Array) -> Array:
+                u = np.clip((times_s - start_s) / lift_s, 0.0, 1.0)
+                # Braking evenly: half of the way that the speed would have gone.
+                rows = np.tile(T, (len(u), 1, 1))
+                rows[:, :3, 3] += lift_s * (u - u**2 / 2)[:, None] * speed
+                rows[:, 2, 3] += self.task.lift_m * smooth(u)
+                return rows
+
+            return follow(self.kinematics, self.limits, poses, start, start_s, lift_s)
+
+        path = shortest_allowed(rising, LIFTS_S)
+        if path is None or not self.send(path, start_s):
+            return False
+        self.world.wait(path.duration_s + CYCLE_S)
+        return True
+
+    def is_held(self, before: Array) -> bool:
+        """Whether the object, which was at ``T_base_obj`` (4, 4) before, has been seen to have risen with the hand."""
+        since, until = self.now_s, self.now_s + PATIENCE_S
+        while self.now_s < until and not self.world.poses(self.task.target, since):
+            self.world.wait(CYCLE_S)
+        seen = self.world.poses(self.task.target, since - 0.1)
+        holds = self.station.gripper.state().opening_m > EMPTY_M
+        risen = seen[-1].T_base_object[2, 3] - before[2, 3] if seen else 0.0
+        return holds and (not seen or bool(risen > RAISED_SHARE * self.task.lift_m))
+
+    def let_go(self, T_obj_tcp: Array, back_m: float) -> None:
+        """Open the fingers and draw the hand back, along with the object, before another attempt."""
+        self.tell(Phase.REACHING)
+        gripper = self.station.gripper
+        command, until = gripper.move(gripper.opening_range_m[1]), self.now_s + CLOSING_LIMIT_S
+        T = self.kinematics.pose(self.arm.commanded().q)
+        start_s = self.now_s
+
+        def back(duration_s: float) -> Trajectory | None:
+            def poses(times_s: Array) -> Array:
+                rows = np.tile(T, (len(times_s), 1, 1))
+                rows[:, :3, 3] -= back_m * smooth((times_s - start_s - 0.3) / (duration_s - 0.3))[:, None] * T[:3, 2]
+                return rows
+
+            start = self.arm.commanded(start_s)
+            return follow(self.kinematics, self.limits, poses, start, start_s, duration_s)
+
+        if (path := shortest_allowed(back, LIFTS_S)) is not None:
+            self.send(path, start_s)
+            until = max(until, start_s + path.duration_s) if command.done else until
+        while self.now_s < until and not (command.done and path is not None and self.now_s > start_s + path.duration_s):
+            self.world.wait(CYCLE_S)
+
+
+@lru_cache(maxsize=4)
+def _kinematics(robot: RobotSpec) -> Kinematics:
+    return Kinematics(robot)

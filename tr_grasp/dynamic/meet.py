@@ -1,0 +1,312 @@
+"""The planner that meets the object: it searches for where and when, re-plans all the time, and follows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tr_grasp.dynamic.around import way_around
+from tr_grasp.dynamic.attempt import CYCLE_S, Run
+from tr_grasp.dynamic.intercept import NORMAL_95, Candidates, Found, InterceptSearch, Meeting
+from tr_grasp.dynamic.method import GraspOutcome, Phase
+from tr_grasp.dynamic.target import Forecast
+from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool, smooth
+from tr_grasp.grasps.ranking import rank_grasps
+from tr_grasp.motion import Plan
+
+Array = NDArray[np.floating]
+Ending = tuple[GraspOutcome, str]
+
+APPROACH_S = {"rated": 0.6, "thesis": 1.6}
+SLOWNESS = {"rated": 1.0, "thesis": 2.0}
+"""By how much further ahead a slow arm has to look."""
+SEARCH_EVERY_S, RETRY_SEARCH_S, DETOUR_EVERY_S = 0.4, 0.12, 0.5
+"""Time between two searches while the arm is after something, and while it is not; and between two for detours."""
+SETTLED_S = 0.12
+"""So shortly before the arrival, the arm begins to follow instead of aiming again."""
+DETOURS_N = 2
+FOLLOW_S = 1.6
+SURE_M, SURE_WITHIN_S = 0.012, 2.0
+"""How far off the forecast for the grasp may be (95 %) for the approach to begin, and for how long that is asked."""
+ALIGN_LIMIT_S = 1.5
+STUCK_N = 12
+"""After so many plans in a row that failed, something else is tried."""
+RANKED_N = 10
+"""Grasps that are looked at under rankings that choose some."""
+RANKING_AHEAD_S = 2.0
+REACH_M = 1.0
+"""What is further from the base than this is out of reach of every posture."""
+FAR_AHEAD_S = 60.0
+PATIENCE_S = 10.0
+"""For how long a way is looked for while grasps are free, but every way to them is blocked."""
+
+
+@dataclass
+class Approach:
+    """From the pre-grasp to the grasp, in the frame of the object.
+
+    Attributes:
+        begins_s: When the hand leaves the pre-grasp.
+        takes_s: How long it is on its way.
+    """
+
+    begins_s: float
+    takes_s: float
+
+    def back_m(self, times_s: Array, back_off_m: float) -> Array:
+        """How far the hand is still back (n,)."""
+        return back_off_m * (1 - smooth((times_s - self.begins_s) / self.takes_s))
+
+
+class MeetingPlanner:
+    """One attempt after the other to be at a grasp at the right time.
+
+    Args:
+        run: Of which this is the planner.
+    """
+
+    follows_while_closing = True
+    """The hand goes along with the object until it is held."""
+
+    def __init__(self, run: Run) -> None:
+        self.run, self.cfg = run, run.cfg
+        self.approach_s = APPROACH_S[run.cfg.limits]
+        self.horizon_s = run.cfg.horizon_s * SLOWNESS[run.cfg.limits]
+        self._search: InterceptSearch | None = None
+        self._leaps_n = 0
+        self._avoid: set[int] = set()
+        self._begin()
+
+    def reach(self) -> Ending | None:
+        """Come to a grasp, aligned; or why that is not to be."""
+        run = self.run
+        run.tell(Phase.REACHING)
+        self._begin()
+        while True:
+            run.target.look(run.world)
+            if lost := run.lost():
+                return GraspOutcome.LOST, lost
+            if run.path_is_over() and self._approach is None:
+                return GraspOutcome.PATH_FINISHED, ""
+            if not run.target.is_known:
+                run.world.wait(CYCLE_S)
+                continue
+            began_s = run.now_s
+            with run.thinking("planning"):
+                ending = self._think()
+            if ending is not None:
+                return ending
+            run.world.wait(max(CYCLE_S - (run.now_s - began_s), 0.0))
+            if self._approach is not None and self._is_aligned():
+                return None
+
+    def grasp(self) -> tuple[Forecast, Array]:
+        """The forecast by which the hand follows now, and ``T_obj_tcp`` of the grasp."""
+        assert self._forecast is not None and self._meeting is not None
+        return self._forecast, self._meeting.T_obj_tcp
+
+    def failed(self) -> None:
+        """The grasp did not hold: choose another one."""
+        if self._meeting is not None:
+            self._avoid.add(self._meeting.number)
+
+    def _begin(self) -> None:
+        self._meeting: Meeting | None = None
+        self._approach: Approach | None = None
+        self._forecast: Forecast | None = None
+        self._plan: Plan | None = None
+        self._searched_s: float | None = None
+        self._hopeless_since_s: float | None = None
+        self._hover_since_s: float | None = None
+        self._stuck_n, self._detour_s = 0, -np.inf
+
+    def _think(self) -> Ending | None:
+        run = self.run
+        run.loops += 1
+        start_s = run.now_s + run.lead_s
+        forecast = run.target.forecast(run.now_s, start_s + self.horizon_s + 4.0)
+        self._forecast = forecast
+        run.scene.expect(forecast)
+        if run.target.leaps_n != self._leaps_n:
+            self._leaps_n = run.target.leaps_n
+            self._drop()
+        if self._approach is not None or (self._meeting and self._meeting.arrival_s - start_s < SETTLED_S):
+            self._follow(forecast, start_s)
+            return None
+        if self._meeting is not None:
+            self._refresh(forecast, start_s)
+        since_s = np.inf if self._searched_s is None else start_s - self._searched_s
+        due_s = RETRY_SEARCH_S if self._meeting is None else SEARCH_EVERY_S if self.cfg.switching else np.inf
+        if since_s >= due_s:
+            return self._choose(forecast, start_s)
+        return None
+
+    def _choose(self, forecast: Forecast, start_s: float) -> Ending | None:
+        """Look for the best meeting, and take it if it is clearly better than what the arm is after."""
+        run, start = self.run, self.run.arm.commanded(start_s)
+        search = self._searcher(forecast, start.q, start_s)
+        if search is None:
+            return self._no_hope(Found(0, 0, 0), forecast, start_s)
+        found = search.search(forecast, start, start_s)
+        run.notes["ik_calls"] += len(search.candidates) / 2
+        self._searched_s = start_s
+        best = found.best
+        if best is None and self._meeting is None and found.blocked and start_s >= self._detour_s:
+            best, self._detour_s = self._around(search, found, forecast, start_s), start_s + DETOUR_EVERY_S
+        if best is None:
+            return None if self._meeting is not None else self._no_hope(found, forecast, start_s)
+        self._hopeless_since_s = None
+        now = self._meeting
+        if now is not None:
+            mine = now.cost_s - (start_s - now.start_s)
+            if now.number == best.number or best.cost_s > (1 - self.cfg.switch_gain) * mine:
+                return None
+            run.switches += 1
+        if run.send(best.way, best.start_s):
+            self._meeting, self._stuck_n = best, 0
+        return None
+
+    def _refresh(self, forecast: Forecast, start_s: float) -> None:
+        """Aim again at the same grasp, with what is known now."""
+        run, meeting = self.run, self._meeting
+        assert meeting is not None and self._search is not None
+        start = run.arm.commanded(start_s)
+        if not self.cfg.seeding and meeting.arrival_s - start_s > 1.0:
+            return
+        again = self._search.refined(forecast, start, start_s, meeting.candidate, meeting.q, meeting.arrival_s)
+        if again is not None and self._plan is not None and again.arrival_s > meeting.arrival_s + 0.1:
+            again = None  # the way around is quicker than going straight from here
+        if again is not None and run.send(again.way, start_s):
+            self._meeting, self._stuck_n, self._plan = again, 0, None
+            return
+        self._stuck_n += 1
+        goal = self._search.goal(forecast, meeting.candidate, meeting.q, meeting.arrival_s)
+        rest = meeting.way.cut(start_s - meeting.start_s) if start_s < meeting.start_s + meeting.way.duration_s else None
+        blocked = rest is not None and not run.scene.is_free(rest, start_s)
+        if goal is None or blocked or (self._plan is None and self._stuck_n > STUCK_N):
+            self._drop()
+
+    def _follow(self, forecast: Forecast, start_s: float) -> None:
+        """At the pre-grasp and from there to the grasp: keep up with the object, hand in its frame."""
+        run, meeting = self.run, self._meeting
+        assert meeting is not None
+        if self._approach is None and self._is_sure(forecast, start_s):
+            begins = max(start_s, meeting.arrival_s)
+            self._approach = Approach(begins, self.approach_s)
+            run.tell(Phase.APPROACHING)
+        start = run.arm.commanded(start_s)
+        path = follow(run.kinematics, run.limits, self._tool_poses(forecast, meeting), start, start_s, FOLLOW_S)
+        if path is not None and run.send(path, start_s):
+            self._stuck_n = 0
+            return
+        self._stuck_n += 1
+        if self._stuck_n > STUCK_N or self._is_overdue(start_s):
+            self._drop()
+            run.tell(Phase.REACHING)
+
+    def _tool_poses(self, forecast: Forecast, meeting: Meeting) -> ToolPoses:
+        approach, back_off = self._approach, self.cfg.back_off_m
+
+        def poses(times_s: Array) -> Array:
+            T = forecast.poses(times_s) @ meeting.T_obj_tcp
+            back = np.full(len(times_s), back_off) if approach is None else approach.back_m(times_s, back_off)
+            return moved_along_tool(T, back)
+
+        return poses
+
+    def _is_sure(self, forecast: Forecast, start_s: float) -> bool:
+        self._hover_since_s = start_s if self._hover_since_s is None else self._hover_since_s
+        off = NORMAL_95 * forecast.sigma(np.array([start_s + self.approach_s]))[0]
+        return bool(off < SURE_M) or start_s - self._hover_since_s > SURE_WITHIN_S
+
+    def _is_aligned(self) -> bool:
+        run, approach = self.run, self._approach
+        assert approach is not None and self._forecast is not None and self._meeting is not None
+        if run.now_s < approach.begins_s + approach.takes_s:
+            return False
+        T = self._forecast.poses(np.array([run.now_s]))[0] @ self._meeting.T_obj_tcp
+        off_m, off_rad = run.tool_error(T)
+        if off_m < self.cfg.close_within_m and off_rad < np.deg2rad(self.cfg.close_within_deg):
+            return True
+        if self._is_overdue(run.now_s):
+            self._drop()
+            run.tell(Phase.REACHING)
+        return False
+
+    def _is_overdue(self, now_s: float) -> bool:
+        approach = self._approach
+        return approach is not None and now_s > approach.begins_s + approach.takes_s + ALIGN_LIMIT_S
+
+    def _drop(self) -> None:
+        """Forget what the arm is after."""
+        self._begin()
+
+    def _around(self, search: InterceptSearch, found: Found, forecast: Forecast, start_s: float) -> Meeting | None:
+        """A way with a detour to one of the meetings whose direct way is blocked."""
+        run = self.run
+        for candidate, q, arrival_s in found.blocked[:DETOURS_N]:
+            run.notes["planner_calls"] += 1
+            previous = self._plan if self.cfg.seeding else None
+            found_way = way_around(run.scene, run.limits, run.arm.commanded(start_s), start_s, q, arrival_s, previous)
+            if found_way is None:
+                continue
+            plan, way = found_way
+            arrival_s = start_s + way.duration_s
+            goal = search.goal(forecast, candidate, q, arrival_s)
+            if goal is not None:
+                self._plan = plan
+                return search.meeting(forecast, candidate, goal.q, start_s, arrival_s, way)
+        return None
+
+    def _searcher(self, forecast: Forecast, q: Array, start_s: float) -> InterceptSearch | None:
+        """The search over the grasps that the ranking names; nothing if it names none."""
+        run, cfg = self.run, self.cfg
+        if cfg.ranking in ("ours", "none") and self._search is not None and not self._avoid:
+            return self._search
+        grasps = run.task.grasps
+        if cfg.ranking in ("ours", "none"):
+            chosen = np.arange(len(grasps))
+        else:
+            T = forecast.poses(np.array([start_s + RANKING_AHEAD_S]))[0]
+            chosen = rank_grasps(run.kinematics, grasps, T, q, cfg.ranking, cfg.back_off_m)[:RANKED_N]
+        kept = np.array([i for i in chosen if i not in self._avoid], int)
+        chosen = kept if len(kept) else chosen
+        if not len(chosen):
+            return None
+        candidates = Candidates.of(grasps, chosen)
+        if self._meeting is not None and self._search is not None:
+            if not np.array_equal(candidates.number, self._search.candidates.number):
+                return self._search  # candidates are counted by their place: keep it while the arm is after one
+        self._search = InterceptSearch(
+            run.scene, run.limits, candidates, cfg.back_off_m, self.horizon_s, self.approach_s
+        )  # fmt: skip
+        return self._search
+
+    def _no_hope(self, found: Found, forecast: Forecast, start_s: float) -> Ending | None:
+        """Nothing to be met: an ending if that has been so for long enough and will not change."""
+        self._hopeless_since_s = start_s if self._hopeless_since_s is None else self._hopeless_since_s
+        since_s = start_s - self._hopeless_since_s
+        if since_s < self.cfg.hopeless_after_s:
+            return None
+        run = self.run
+        if contact := run.scene.way.contact(run.arm.commanded(start_s).q, start_s):
+            return GraspOutcome.NO_WAY, f"where the arm is, {contact}"
+        end = run.task.path_end_s
+        until = start_s + FAR_AHEAD_S if end is None else min(end, start_s + FAR_AHEAD_S)
+        ahead = np.arange(start_s, until, 0.5)
+        distance = np.linalg.norm(forecast.states(ahead)[0], axis=1)
+        comes_near = bool((distance < REACH_M).any())
+        later = bool((distance[ahead > start_s + self.horizon_s] < REACH_M).any())
+        if not comes_near:
+            return GraspOutcome.UNREACHABLE, f"it stays further than {REACH_M:g} m from the base"
+        if later and (not found.free_n or since_s < PATIENCE_S):
+            return None  # what comes within reach after the horizon is waited for
+        if not found.reachable_n:
+            return GraspOutcome.UNREACHABLE, "no posture of the arm reaches it anywhere on its path"
+        if not found.in_time_n:
+            return GraspOutcome.UNREACHABLE, "it is out of reach again before the arm could be there"
+        if not found.free_n:
+            return GraspOutcome.NO_GRASP, "every grasp that can be reached in time touches something"
+        return GraspOutcome.NO_WAY, ""

@@ -1,0 +1,1 @@
+"""Judging ways to grasp what moves: trials, tables beside the thesis', report."""

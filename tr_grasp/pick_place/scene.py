@@ -1,0 +1,117 @@
+"""What a station means to a planner: tool poses, and what the arm may not touch while its hand is empty or full."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tr_grasp.errors import ConfigError, unknown_name
+from tr_grasp.geometry import invert_transform, rotation_about_z, transform_from
+from tr_grasp.motion import CollisionModel, Kinematics, MotionLimits, Obstacle, box
+from tr_grasp.pick_place.station import HOME, BoxCfg, StationCfg
+from tr_grasp.robots import JointSpec, LinkSpec, RobotSpec, Shape, robot_spec
+
+Array = NDArray[np.floating]
+MARGIN_M = 0.015
+"""By which boxes grow for planning, and by which the bottle in the hand shrinks at its ends: it stands on things."""
+HELD = "held_object"
+HELD_PART = 0.9
+
+
+class PlanningScene:
+    """A station with the robot's kinematics.
+
+    Args:
+        station: The station.
+
+    Attributes:
+        spec: The robot.
+        home_q: (dof,) joints at home.
+        limits: What motions keep to.
+
+    Raises:
+        ConfigError: No such robot or link, or another number of joints at home.
+    """
+
+    def __init__(self, station: StationCfg) -> None:
+        self.station, self.spec = station, robot_spec(station.robot)
+        links = [link.name for link in self.spec.links]
+        if station.pose_link not in links and station.pose_link != self.spec.tcp_link:
+            raise ConfigError(f"pose_link: {unknown_name('link', station.pose_link, links)}")
+        self.home_q = np.array(station.home_q_rad or self.spec.home_q_rad, float)
+        if len(self.home_q) != len(self.spec.joints):
+            raise ConfigError(
+                f"home_q_rad must have the {len(self.spec.joints)} joints of {station.robot}, got {len(self.home_q)}"
+            )
+        self.limits = MotionLimits.of(self.spec).scaled(station.speed_share)
+        self.empty_hand = Kinematics(self.spec)
+        T_base_link = self.empty_hand.link_pose(self.home_q, station.pose_link)
+        self._T_link_tcp = invert_transform(T_base_link) @ self.empty_hand.pose(self.home_q)
+
+    def goal(self, name: str) -> Array:
+        """Joints (dof,) of home, or ``T_base_tcp`` (4, 4) of a named pose."""
+        return self.home_q if name == HOME else self.station.T_base_link(name) @ self._T_link_tcp
+
+    @cached_property
+    def before_grip(self) -> CollisionModel:
+        """The empty hand among all boxes and the object."""
+        o = self.station.object
+        bottle = box("object", (2 * o.radius_m, 2 * o.radius_m, o.height_m), o.T_base_object)
+        return CollisionModel(self.empty_hand, [*self._boxes, bottle])
+
+    @cached_property
+    def at_object(self) -> CollisionModel:
+        """The empty hand among all boxes: it may touch the object."""
+        return CollisionModel(self.empty_hand, self._boxes)
+
+    @cached_property
+    def full_hand(self) -> CollisionModel:
+        """The hand with the object in it, as the taught grasp holds it, among all boxes."""
+        return CollisionModel(Kinematics(self._holding(), 2 * self.station.object.radius_m), self._boxes)
+
+    @cached_property
+    def _boxes(self) -> list[Obstacle]:
+        return [box(name, b.size_m, pose_of_box(b), margin_m=self._margin(name)) for name, b in self._named]
+
+    @property
+    def _named(self) -> list[tuple[str, BoxCfg]]:
+        return list(self.station.boxes.items())
+
+    def _margin(self, name: str) -> float:
+        # What the object stands on or goes into is come close to; what must not be touched is not.
+        return MARGIN_M if name in self.station.not_to_touch else 0.0
+
+    def _holding(self) -> RobotSpec:
+        """The robot with one more link, the object."""
+        o, grasp = self.station.object, self._grasp
+        T_tcp_object = invert_transform(self.goal(grasp)) @ o.T_base_object
+        height = max(o.height_m - 2 * MARGIN_M, o.height_m / 2)
+        rpy = _rpy(T_tcp_object[:3, :3])
+        x, y, z = T_tcp_object[:3, 3]
+        shape = Shape("cylinder", (HELD_PART * o.radius_m, height), (float(x), float(y), float(z)), rpy)
+        link = LinkSpec(HELD, 1e-3, inertia_kgm2=(1e-6, 1e-6, 1e-6, 0.0, 0.0, 0.0), shapes=(shape,))
+        joint = JointSpec("held_object_joint", self.spec.tcp_link, HELD, "fixed")
+        return replace(
+            self.spec, links=(*self.spec.links, link), fixed_joints=(*self.spec.fixed_joints, joint), urdf_path=None
+        )
+
+    @property
+    def _grasp(self) -> str:
+        """Name of the pose at which the fingers close."""
+        stages = self.station.stages
+        closing = next(i for i, stage in enumerate(stages) if stage.do == "close")
+        return next((stage.to for stage in reversed(stages[:closing])), HOME)
+
+
+def pose_of_box(b: BoxCfg) -> Array:
+    """``T_base_box`` (4, 4)."""
+    return transform_from(rotation_about_z(np.radians(b.yaw_deg)), b.centre_m)
+
+
+def _rpy(R: Array) -> tuple[float, float, float]:
+    """Roll, pitch, yaw of a rotation (3, 3), as URDF has them."""
+    pitch = -np.arcsin(np.clip(R[2, 0], -1.0, 1.0))
+    return float(np.arctan2(R[2, 1], R[2, 2])), float(pitch), float(np.arctan2(R[1, 0], R[0, 0]))
