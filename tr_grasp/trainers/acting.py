@@ -19,17 +19,27 @@ class ExploringPolicy(TensorDictModuleBase):
     """A policy that explores in some episodes and acts deterministically in the others.
 
     A policy that is trained only on what its noise leads to never learns from the states in which its mean gets stuck.
+    For the same reason it is the policy that will be judged that acts without exploring: the running mean of the weights
+    gets stuck in other states than the latest ones.
 
     Args:
         policy: The policy; TorchRL's exploration type decides whether it samples.
         noise: Standard deviation of the Gaussian noise on its sampled actions.
         deterministic_share: Share of episodes without exploration, drawn when an episode begins.
+        judged: The policy of these episodes; ``policy`` if not given.
     """
 
-    def __init__(self, policy: TensorDictModuleBase, noise: float, deterministic_share: float = 0.0) -> None:
+    def __init__(
+        self,
+        policy: TensorDictModuleBase,
+        noise: float,
+        deterministic_share: float = 0.0,
+        judged: TensorDictModuleBase | None = None,
+    ) -> None:
         self.in_keys, self.out_keys = [*policy.in_keys, STEP_COUNT], [ACTION]
         super().__init__()
         self.policy = policy
+        self.judged = policy if judged is None else judged
         self.noise = noise
         self.deterministic_share = deterministic_share
         self._is_deterministic = False
@@ -40,7 +50,7 @@ class ExploringPolicy(TensorDictModuleBase):
             self._is_deterministic = float(torch.rand(())) < self.deterministic_share
         if self._is_deterministic:
             with set_exploration_type(ExplorationType.DETERMINISTIC):
-                return tensordict.set(ACTION, self.policy(tensordict)[ACTION])
+                return tensordict.set(ACTION, self.judged(tensordict)[ACTION])
         action = self.policy(tensordict)[ACTION]
         if self.noise > 0:
             action = (action + self.noise * torch.randn_like(action)).clamp(-1, 1)

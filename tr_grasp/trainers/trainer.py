@@ -197,8 +197,8 @@ class Trainer:
         if is_random:
             return Collection(plan, RandomActions(self._action_n))
         self._push()
-        acting = ExploringPolicy(self._policy, self._cfg.algorithm.action_noise, cfg.deterministic_share)
-        return Collection(plan, acting)
+        noise = self._cfg.algorithm.action_noise
+        return Collection(plan, ExploringPolicy(self._policy, noise, cfg.deterministic_share, self._judged))
 
     def _plan(self, *, labels: bool, workers_n: int | None = None, **changes: Any) -> CollectPlan:
         cfg = self._cfg
@@ -230,11 +230,11 @@ class Trainer:
 
     def _push(self) -> None:
         self._policy.load_state_dict(self._session.agent.policy.state_dict())
+        self._judged.load_state_dict(self._session.learner.average.policy.state_dict())
 
     def _evaluate(self) -> dict[str, float]:
         counters = self._session.counters
         average = self._session.learner.average
-        self._judged.load_state_dict(average.policy.state_dict())
         scores = self._evaluate_policy(self._judged)
         rank = [scores["success"], scores.get("reward", 0.0)]
         is_best = rank > counters.best
