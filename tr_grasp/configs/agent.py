@@ -127,11 +127,7 @@ class AlgorithmCfg:
     normalise_actor_loss: bool = True
     """Divide the actor's loss by the mean absolute value so that imitation keeps its weight."""
 
-    actor_weight: float = 0.2
-    """Weight of the actor's reinforcement term (thesis: 1). Beside an imitation term it says how far a critic may lead
-    an action away from the expert's: at 1, a critic that is not sure yet leads it a centimetre astray."""
-
-    actor_warmup_updates: int = 2_000
+    actor_warmup_updates: int = 4_000
     """The actor's reinforcement term grows linearly over this many updates (0: at once)."""
 
     actor_every_n: int | None = None

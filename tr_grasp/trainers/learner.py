@@ -96,7 +96,7 @@ class Learner:
             total = total + losses["loss_qvalue"] + losses.get("loss_alpha", 0.0)
             # Left out, not multiplied by zero, or Adam's momentum would move the actor all the same.
             if actors_turn and (share := warmup(self.updates, cfg.algorithm.actor_warmup_updates)) > 0:
-                total = total + share * cfg.algorithm.actor_weight * losses["loss_actor"]
+                total = total + share * losses["loss_actor"]
         rate = learning_rate(cfg.optimiser, env_steps / max(1, cfg.trainer.env_steps))
         norm = self._step(batch, losses, total, rate)
         if actors_turn:
