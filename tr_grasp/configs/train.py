@@ -74,10 +74,10 @@ class ImitationCfg:
     pretrain_updates: int = 1_500
     """Updates with the imitation loss alone, before anything is collected."""
 
-    weight_initial: float = 3.0
+    weight_initial: float = 2.0
     """Weight of the imitation loss when collection starts (0: no imitation)."""
 
-    weight_final: float = 2.0
+    weight_final: float = 1.0
     """Weight after ``decay_env_steps``."""
 
     decay_env_steps: int = 10_000
