@@ -25,7 +25,7 @@ class OptimiserCfg:
     gradient_clip: float = 10.0
     """Largest gradient norm (0: no clipping)."""
 
-    averaging: float = 0.998
+    averaging: float = 0.98
     """The policy that is judged and saved is a running mean of the weights, which keeps this share of itself at every
     update (0: the latest weights, thesis)."""
 
