@@ -70,15 +70,17 @@ def test_a_package_that_is_missing_is_named_with_its_extra(monkeypatch, names, m
 def test_a_missing_ur_package_is_named_and_the_gripper_that_was_opened_is_let_go(monkeypatch):
     fake = urcap.Rg2(SteppedWorld())
     monkeypatch.setitem(sys.modules, "rtde_control", None)
-    with pytest.raises(HardwareError, match=r"the arm 'ur5' needs the package rtde_control: pip install 'tr-grasp\[ur\]'"):
+    with pytest.raises(
+        HardwareError, match=r"the arm 'ur5' needs the package rtde_control: pip install 'tr-grasp\[ur\]'"
+    ):
         open_station("ur5", "rg2", arm_host=NOBODY, gripper_port=str(fake.port))
     fake.close()
 
 
 def test_a_gripper_that_nobody_answers_for_is_named_with_its_address():
-    with pytest.raises(HardwareError, match="no Robotiq gripper answers at 127.0.0.1:1"):
+    with pytest.raises(HardwareError, match=r"no Robotiq gripper answers at 127\.0\.0\.1:1"):
         open_station("ur5", "robotiq_2f85", arm_host=NOBODY, gripper_port=1)
-    with pytest.raises(HardwareError, match="no RG2 answers at 127.0.0.1:1; is OnRobot's URCap running"):
+    with pytest.raises(HardwareError, match=r"no RG2 answers at 127\.0\.0\.1:1; is OnRobot's URCap running"):
         open_station("ur5", "rg2", arm_host=NOBODY, gripper_port=1)
 
 

@@ -7,7 +7,7 @@ from tests.hardware.contract import BackendContract, way
 from tests.hardware.transports import rtde, urcap
 from tests.hardware.transports.stepped import SteppedWorld
 from tr_grasp.errors import HardwareError
-from tr_grasp.hardware import Ending, Guard, GuardCfg, GripperState, KinematicFake, Station, finish
+from tr_grasp.hardware import Ending, GripperState, Guard, GuardCfg, KinematicFake, Station, finish
 from tr_grasp.hardware.adapters import rg2, robotiq
 from tr_grasp.hardware.adapters.streamed_arm import StreamedArm
 from tr_grasp.hardware.adapters.ur import UrCfg, UrLink
@@ -193,15 +193,15 @@ def test_closing_halts_the_arm_and_lets_go():
     assert not box.program
 
 
-# ---- grippers ----------------------------------------------------------------------------------------------------------
+# ---- grippers ------------------------------------------------------------------------------------------------
 
 
-def test_half_closed_is_the_middle_count_and_speed_and_force_are_counts_of_their_ranges(fingers):
-    """(85 - 42.5) / 85 of the way from 3 to 230; 85 mm/s is half of 20 to 150; 127.5 N half of 20 to 235."""
+def test_openings_speeds_and_forces_are_counts_of_their_ranges(fingers):
+    """34 of 85 mm is 0.6 of the way from 3 to 230; 46 mm/s is 0.2 of 20 to 150, 106 N 0.4 of 20 to 235."""
     world = SteppedWorld()
     gripper, fake = fingers("robotiq_2f85", world)
-    gripper.move(0.0425, speed_mps=0.085, force_n=127.5)
-    assert "SET POS 116 SPE 128 FOR 128 GTO 1" in fake.said
+    gripper.move(0.034, speed_mps=0.046, force_n=106.0)
+    assert "SET POS 139 SPE 51 FOR 102 GTO 1" in fake.said
 
 
 @pytest.mark.parametrize("name", ["robotiq_2f85", "rg2"])

@@ -167,10 +167,11 @@ def rehearsal(arm: str, gripper: str | None = None) -> Station:
 def confirm(
     arm: str, gripper: str | None, rehearse: Callable[[Station], str], ask: Callable[[str], str] = input
 ) -> bool:
-    """Whether a run on a device may start: it is rehearsed without the device, and a person says yes to what came of it.
+    """Whether a run on a device may start: it is rehearsed without the device, and a person says yes to the outcome.
 
     Args:
-        arm, gripper: As for :func:`open_station`; where nothing real moves, nobody is asked.
+        arm: As for :func:`open_station`; where nothing real moves, nobody is asked.
+        gripper: As there.
         rehearse: Does the run on a station without devices, raises what is wrong with it, and sums it up for people.
         ask: Shows a question and returns the answer.
     """
@@ -178,8 +179,8 @@ def confirm(
         return True
     summary = rehearse(rehearsal(arm, gripper))
     question = (
-        f"Dry run: {summary}\nThe real {robot_of(arm, gripper).name} will move now. Is the way clear, and the emergency "
-        "stop in reach? [y/N] "
+        f"Dry run: {summary}\nThe real {robot_of(arm, gripper).name} will move now. Is the way clear, and the "
+        "emergency stop in reach? [y/N] "
     )
     try:
         return ask(question).strip().lower() in YES

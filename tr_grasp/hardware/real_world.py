@@ -91,8 +91,8 @@ class RealWorld:
     def every(self, period_s: float, beat: Callable[[], None]) -> Callable[[], None]:
         """Call a function in a thread of its own at multiples of the period, counted from now.
 
-        Beats do not drift, and one that would be late by a whole period is left out: a device that buffers commands must
-        never get a burst of them.
+        Beats do not drift, and one that would be late by a whole period is left out: a device that buffers commands
+        must never get a burst of them.
         """
         positive("period_s", period_s)
         over = threading.Event()

@@ -1,7 +1,7 @@
 """A Panda behind panda_py 1.1: names, signatures and units (rad, m, s) of the real one.
 
-The arm follows a position controller with a small lag; a jump is a reflex. The hand's calls last until its fingers stand
-still, as libfranka's do, so they must come from another thread.
+The arm follows a position controller with a small lag; a jump is a reflex. The hand's calls last until its fingers
+stand still, as libfranka's do, so they must come from another thread.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class Gripper:
         world.on_tick(self.step)
 
     def submit(self, call):
-        """Run a call in a thread, and go on when it waits for the fingers or is over: what a real clock does by itself."""
+        """Run a call in a thread, and go on when it waits for the fingers or is over, as real time does by itself."""
         future: Future = Future()
 
         def run():

@@ -1,7 +1,7 @@
 """A recorded camera behind the names of pyrealsense2: pictures out of an ``.npz`` file, one every 33 ms of a world.
 
-The file holds ``rgb`` (n, h, w, 3) uint8, ``depth`` (n, h, w) uint16 in counts, ``scale`` metres a count, ``intrinsics``
-(fx, fy, ppx, ppy). Depth is aligned already.
+The file holds ``rgb`` (n, h, w, 3) uint8, ``depth`` (n, h, w) uint16 in counts, ``scale`` metres a count, and
+``intrinsics`` (fx, fy, ppx, ppy). Depth is aligned already.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A rosbridge server on a loopback WebSocket with a Kinova driver behind it.
 
-Speaks rosbridge v2 in JSON: advertise, unadvertise, publish, subscribe, unsubscribe, call_service, and their answers. The
+Speaks rosbridge v2 in JSON: advertise, unadvertise, publish, subscribe, unsubscribe, call_service, and the answers. The
 driver is kinova-ros': velocities in degrees a second, one used every 10 ms out of a buffer of 2000, states in radians
 with continuous joints within one turn, fingers in motor turns.
 """
@@ -66,14 +66,18 @@ class KinovaDriver:
             return
         stamp = {"secs": int(now_s), "nsecs": int(1e9 * (now_s % 1))}
         shown = np.where(self.continuous, self.q % (2 * np.pi), self.q)
-        names = [f"{self.prefix}_joint_{n}" for n in range(1, 8)] + [f"{self.prefix}_joint_finger_{n}" for n in (1, 2, 3)]
+        names = [f"{self.prefix}_joint_{n}" for n in range(1, 8)] + [
+            f"{self.prefix}_joint_finger_{n}" for n in (1, 2, 3)
+        ]
         finger = self.fingers.position
         self.tell(f"/{self.prefix}_driver/out/joint_state", {
             "header": {"stamp": stamp, "frame_id": "", "seq": 0}, "name": names,
             "position": [*shown.tolist(), *[finger * 1.4 / 6800] * 3],
             "velocity": [*self.dq.tolist(), 0.0, 0.0, 0.0], "effort": [1.0] * 7 + [0.0] * 3,
         })  # fmt: skip
-        self.tell(f"/{self.prefix}_driver/out/finger_position", dict.fromkeys(("finger1", "finger2", "finger3"), finger))
+        self.tell(
+            f"/{self.prefix}_driver/out/finger_position", dict.fromkeys(("finger1", "finger2", "finger3"), finger)
+        )
 
 
 class RosbridgeServer:
@@ -114,7 +118,10 @@ class RosbridgeServer:
         elif op == "call_service":
             values = {} if message["service"] == "/sync" else self.driver.on_service(message["service"])
             reply = {"op": "service_response", "service": message["service"], "id": message.get("id")}
-            self.send(socket, reply | {"values": values if values is not None else "no such service", "result": values is not None})
+            self.send(
+                socket,
+                reply | {"values": values if values is not None else "no such service", "result": values is not None},
+            )
 
     def tell(self, topic, message):
         for socket in tuple(self.subscribed.get(topic, ())):

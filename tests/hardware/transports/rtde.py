@@ -52,8 +52,10 @@ class RTDEControlInterface:
         self._box = box
 
     def servoJ(self, q, speed, acceleration, time, lookahead_time, gain):
-        assert isinstance(q, list) and len(q) == 6 and all(isinstance(x, float) for x in q)
-        assert 0.03 <= lookahead_time <= 0.2 and 100 <= gain <= 2000 and time > 0
+        assert [type(x) for x in q] == [float] * 6
+        assert 0.03 <= lookahead_time <= 0.2
+        assert 100 <= gain <= 2000
+        assert time > 0
         box = self._box
         if not box.connected:
             raise RuntimeError("lost connection to robot")

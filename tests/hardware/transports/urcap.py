@@ -1,4 +1,4 @@
-"""Robotiq's URCap: one line in, one line out, and counts instead of metres. And OnRobot's, in XML-RPC and millimetres."""
+"""Robotiq's URCap: one line in, one line out, counts instead of metres; and OnRobot's, XML-RPC and millimetres."""
 
 from __future__ import annotations
 

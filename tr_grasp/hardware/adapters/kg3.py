@@ -1,7 +1,7 @@
 """Kinova's KG-3 hand, through the same driver as its arm.
 
-Positions are motor turns: 0 is open, 6800 closed. The driver has an action for positions, without speed or force, so the
-fingers are led in steps and what they press with is not known.
+Positions are motor turns: 0 is open, 6800 closed. The driver has an action for positions, without speed or force, so
+the fingers are led in steps and what they press with is not known.
 """
 
 from __future__ import annotations

@@ -74,6 +74,7 @@ class Rosbridge:
         self._where = f"{cfg.host}:{cfg.port}"
         try:
             self.ros = self._lib.Ros(host=cfg.host, port=cfg.port)
+            self.ros.factory.on("ready", _send_at_once)
             self.ros.run(timeout=cfg.timeout_s)
         except Exception as error:  # roslibpy raises its own, and those of Twisted
             raise HardwareError(f"no rosbridge answers at {self._where}: {error}.") from error
@@ -98,6 +99,13 @@ class Rosbridge:
     def close(self) -> None:
         """Hang up."""
         self.ros.close()
+
+
+def _send_at_once(protocol: Any) -> None:
+    """Have small messages sent one by one: by itself TCP gathers them, and the arm would get two every 20 ms."""
+    transport = getattr(protocol, "transport", None)
+    if transport is not None and hasattr(transport, "setTcpNoDelay"):
+        transport.setTcpNoDelay(True)
 
 
 class KinovaLink:

@@ -59,7 +59,8 @@ class PandaLink:
 
     def __init__(self, panda: Any, make_controller: Any, cfg: PandaCfg, clock: Beats) -> None:
         self.rate_hz, self._cfg, self._clock = cfg.rate_hz, cfg, clock
-        self._panda, self._make_controller, self._remote = panda, make_controller, RemoteClock()
+        self._panda: Any = panda
+        self._make_controller, self._remote = make_controller, RemoteClock()
         self._controller: Any = None
 
     def read(self) -> ArmState:

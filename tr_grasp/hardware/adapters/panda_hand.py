@@ -1,6 +1,6 @@
-"""Franka Hand through ``panda-python``: its calls last until the fingers stand still, so a thread of its own makes them.
+"""Franka Hand through ``panda-python``: calls last until the fingers stand still, so a thread of its own makes them.
 
-Closing fully is a grasp, with the force asked for; to any other opening the hand moves, and the force of that is its own.
+Closing fully is a grasp, with the force asked for; to any other opening the hand moves, with a force of its own.
 """
 
 from __future__ import annotations
@@ -67,7 +67,9 @@ class PandaHandLink:
             raise HardwareError(f"the Franka Hand at {self._cfg.host} is not connected: {error}.") from error
         moving = self._call is not None and not self._call.done()
         holding = bool(state.is_grasped) and not moving
-        return GripperState(now, float(state.width), self._force_n if holding else 0.0, moving, holding, self._failure())
+        return GripperState(
+            now, float(state.width), self._force_n if holding else 0.0, moving, holding, self._failure()
+        )
 
     def go(self, goal: FingerGoal) -> None:
         """Grasp or move, in the other thread; what goes on is stopped first."""

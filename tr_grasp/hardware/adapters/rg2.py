@@ -1,8 +1,8 @@
 """OnRobot RG2 on a UR arm, through the XML-RPC server of OnRobot's URCap on port 41414 of the controller.
 
-Widths are millimetres there. The older way, bits over the tool's digital outputs, needs a script that takes the place of
-the one that moves the arm, and tells the width by a voltage; this one leaves the arm alone and answers. The gripper has
-no speed to set, so it is led there in steps.
+Widths are millimetres there. The older way, bits over the tool's digital outputs, needs a script that takes the place
+of the one that moves the arm, and tells the width by a voltage; this one leaves the arm alone and answers. The
+gripper has no speed to set, so it is led there in steps.
 """
 
 from __future__ import annotations

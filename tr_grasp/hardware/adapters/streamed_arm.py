@@ -156,7 +156,9 @@ class StreamedArm:
             return self._lost
         age = self._clock.now_s - seen.stamp_s
         self._seen = seen
-        self._lost = f"the arm {self.name!r} is not connected: nothing has come for {age:.2g} s." if age > LOST_S else ""
+        self._lost = (
+            f"the arm {self.name!r} is not connected: nothing has come for {age:.2g} s." if age > LOST_S else ""
+        )
         return self._lost or seen.fault or (f"its state is {age:.2g} s old" if age > STALE_S else "")
 
     def _go_on(self) -> str:

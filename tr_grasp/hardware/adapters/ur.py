@@ -5,6 +5,7 @@ Angles are the controller's, which are those of our URDF. Torques are the contro
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,7 +85,9 @@ class UrLink:
     def ready(self) -> None:
         """See that the control program runs."""
         if not self._control.isProgramRunning() and not self._control.reuploadScript():
-            raise HardwareError(f"the UR arm at {self._cfg.host} does not start the control program; is it in remote mode?")
+            raise HardwareError(
+                f"the UR arm at {self._cfg.host} does not start the control program; is it in remote mode?"
+            )
         self._control.setWatchdog(WATCHDOG_HZ)
         self._wanted = True
 
@@ -110,10 +113,8 @@ class UrLink:
 
     def close(self) -> None:
         """End the program and both connections."""
-        try:
+        with suppress(RuntimeError):
             self._control.stopScript()
-        except RuntimeError:
-            pass
         self._control.disconnect()
         self._receive.disconnect()
 
@@ -146,7 +147,9 @@ def open_arm(spec: RobotSpec, cfg: UrCfg, clock: Beats) -> StreamedArm:
     receive = maker_package("rtde_receive", "ur", what).RTDEReceiveInterface
     try:
         # Receiving first: it needs no program on the controller, so a wrong address shows at once.
-        link = UrLink(receive=receive(cfg.host, cfg.rate_hz), control=control(cfg.host, cfg.rate_hz), cfg=cfg, clock=clock)
+        link = UrLink(
+            receive=receive(cfg.host, cfg.rate_hz), control=control(cfg.host, cfg.rate_hz), cfg=cfg, clock=clock
+        )
     except RuntimeError as error:
         raise HardwareError(f"no UR controller answers at {cfg.host}: {error}.") from error
     return StreamedArm(spec.name, MotionLimits.of(spec), link, clock)
