@@ -12,11 +12,12 @@ from tr_grasp.dynamic import DynamicTask, Phase
 from tr_grasp.geometry import rotation_about_z
 from tr_grasp.grasps import GraspSet, shipped_grasp_set
 from tr_grasp.hardware import KinematicFake, PoseStreamCfg, ScriptedObject
-from tr_grasp.motion import Obstacle, box
+from tr_grasp.motion import Kinematics, Obstacle, box
 from tr_grasp.objects.conveyor import conveyor_object
 from tr_grasp.objects.model import ObjectModel
 from tr_grasp.robots import robot_spec
 
+ROBOT = "ur5_robotiq_2f85"
 OBJECT = "006_mustard_bottle"
 CARRIER_M = (0.1, 0.1, 0.02)
 Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -25,6 +26,11 @@ Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 @cache
 def parts(name: str = OBJECT) -> tuple[ObjectModel, GraspSet]:
     return conveyor_object(name).model, shipped_grasp_set(name)
+
+
+@cache
+def arm() -> Kinematics:
+    return Kinematics(robot_spec(ROBOT))
 
 
 def at(x: float, y: float, z: float) -> np.ndarray:
@@ -55,8 +61,10 @@ def poses_on(path: Path, height_m: float):
 class Carried:
     """A scripted object that goes with the hand once the fingers have closed around where it is."""
 
-    def __init__(self, motion, height_m: float) -> None:
-        self.motion, self.height_m, self.station, self.taken = motion, height_m, None, None
+    def __init__(self, motion, kinematics: Kinematics) -> None:
+        self.motion, self.kinematics = motion, kinematics
+        self.station: KinematicFake | None = None
+        self.taken: np.ndarray | None = None
 
     def __call__(self, times):
         if self.station is not None and self.taken is None and self.station.gripper.state().holding:
@@ -81,18 +89,16 @@ def scene(
     told: list[Phase] | None = None,
 ):
     """A station and a task; the fingers meet something ``width_m`` wide, wherever they close."""
-    from tr_grasp.dynamic.attempt import _kinematics
-
     model, grasps = parts(name)
     low = grasps.bounds_m[0, 2]
     height = CARRIER_M[2] - low
     motion = poses_on(path, height)
-    carried = Carried(motion, height)
+    carried = Carried(motion, arm())
     seen = carried if holds else motion
-    robot = robot_spec("ur5_robotiq_2f85")
+    robot = robot_spec(ROBOT)
     thing = ScriptedObject(name, seen, stream or PoseStreamCfg())
     station = KinematicFake.of(robot, objects=[thing], blocked_at_m=width_m)
-    carried.station, carried.kinematics = station, _kinematics(robot)
+    carried.station = station
     floor = box("floor", (2.0, 2.0, 0.1), at(0, 0, -0.055))
     task = DynamicTask(
         robot, name, model, grasps, (floor, *obstacles), CARRIER_M, at(0, 0, low - CARRIER_M[2] / 2), path_end_s,

@@ -29,7 +29,7 @@ def shove(scene, name, velocity):
 class Idle:
     name = "idle"
 
-    def __init__(self, act=lambda station, task: None):
+    def __init__(self, act=lambda station, task: None):  # what it does before it waits
         self.act = act
 
     def run(self, station, task):
@@ -90,7 +90,9 @@ def test_who_claims_a_lift_that_was_none_is_not_believed():
 
 
 def test_the_end_of_the_path_ends_the_trial():
-    record = run_trial(replace(SLOW, speed_m_s=0.5), make_trial("linear", MEAT, 0), Idle())
+    hasty = replace(SLOW, speed_m_s=0.5)
+    record = run_trial(hasty, make_trial("linear", MEAT, 0), Idle(lambda station, task: station.world.charge(0.25)))
+    assert record.thinking_s == 0.25
     assert record.outcome == GraspOutcome.PATH_FINISHED.label
     assert not record.committed
     assert record.time_s == record.end_s == pytest.approx(2.0, abs=0.1)

@@ -72,8 +72,8 @@ def test_with_a_field_reachability_is_its_order():
     T[:, 2, 3] += BACK_M
     assert (np.diff(field.values(T)[order]) <= 1e-6).all()
     assert field.values(T)[order[0]] > GOOD_MARGIN_M / 2
+    other = Kinematics(robot_spec("ur5_rg2"))
     with pytest.raises(GraspError, match="another model"):
-        other = Kinematics(robot_spec("ur5_rg2"))
         rank_grasps(other, grasps(*SPREAD), object_at(0.5), other.home_q_rad, "ours", BACK_M, RankingAids(field=field))
 
 

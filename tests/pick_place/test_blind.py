@@ -1,6 +1,7 @@
 """The task on the fake, where every device does as it is told or fails on cue."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ def test_every_stage_is_planned_from_where_the_one_before_ends(cfg, plan):
     assert found.succeeded
     assert [step.stage for step in found.stages] == list(cfg.stages)
     moving = [step for step in found.stages if step.trajectory is not None]
-    for before, after in zip(moving, moving[1:], strict=False):
+    for before, after in pairwise(moving):
         assert before.trajectory.q_rad[-1] == pytest.approx(after.trajectory.q_rad[0])
     for step in moving:
         assert not step.trajectory.violations(scene.limits, margin=0.01)

@@ -270,11 +270,12 @@ def _load(path: Path, camera: Intrinsics) -> Sample:
         T_base_tcp, T_cam_board = array["T_base_tcp"], array["T_cam_board"]
         if T_base_tcp is None or T_cam_board is None:
             raise ValueError("a pose is missing")
-        known = points is not None and pixels is not None
-        if known and (pixels.shape != (len(points), 2) or points.shape[1:] != (3,)):
-            raise ValueError("corners and points do not belong together")
         bare = Sample(path.stem, T_base_tcp, T_cam_board, None, pixels, points, error, array["q_rad"])
-        return replace(bare, information=pose_information(bare.T_cam_board, points, camera)) if known else bare
+        if points is None or pixels is None:
+            return bare
+        if pixels.shape != (len(points), 2) or points.shape[1:] != (3,):
+            raise ValueError("corners and points do not belong together")
+        return replace(bare, information=pose_information(bare.T_cam_board, points, camera))
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(f"the sample '{path}' is damaged ({error}); delete it, the others are whole.") from error
 

@@ -14,7 +14,11 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Radius around the estimate within which the truth lies with 95 % confidence."""
+    """Radius around the estimate within which the truth lies with 95 % confidence.
+
+    It knows random errors of corners and robot. What moves all samples in the same way, as wrong intrinsics do, it does
+    not see.
+    """
 
     translation_m: float
     """Of the camera's position."""

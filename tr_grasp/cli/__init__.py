@@ -26,6 +26,7 @@ VERBS = {
     "predict": "train and judge predictors of where a moving object will be",
     "dynamic": "grasp objects that move on unknown paths: tables beside the thesis', films",
     "export": "write a policy as one file that runs without this package (ONNX, torch.export)",
+    "run": "let a policy grasp on a station, simulated or real, with a guard and a log that can be played again",
     "pick-place": "carry an object from one taught pose to another, in simulation or on real devices",
     "calibrate": "find where a camera is, seen from a robot: board, collection, solution, report",
 }

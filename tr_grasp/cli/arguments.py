@@ -39,3 +39,16 @@ def whole_number(text: str | None, flag: str, default: int) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise ConfigError(f"{flag} must be a whole number of at least 1, got {text}.")
     return int(text)
+
+
+def device_settings(texts: tuple[str, ...]) -> dict[str, str]:
+    """Settings of devices, as ``name=value``.
+
+    Raises:
+        ConfigError: One of them has no name or no value.
+    """
+    pairs = [text.partition("=") for text in texts]
+    for text, (name, _, value) in zip(texts, pairs, strict=True):
+        if not name or not value:
+            raise ConfigError(f"--device must be name=value, such as arm_host=192.168.0.10, got {text!r}.")
+    return {name: value for name, _, value in pairs}

@@ -166,7 +166,8 @@ def _finish(
         print(f"look: {sentence}")
     sure = result.uncertainty
     print(f"{result.name}  {_pose_words(result.T_parent_cam)}  (x y z, w x y z)")
-    print(f"95 % sure to within      {1e3 * sure.translation_m:.2f} mm, {np.degrees(sure.rotation_rad):.3f} deg")
+    radius = f"{1e3 * sure.translation_m:.2f} mm, {np.degrees(sure.rotation_rad):.3f} deg"
+    print(f"95 % sure to within      {radius}, if intrinsics are right")
     if result.held_out_m is not None:
         turned = np.degrees(result.held_out_rad or 0.0)
         print(f"samples held out are off {1e3 * result.held_out_m:.2f} mm, {turned:.3f} deg on average")
@@ -219,7 +220,7 @@ def _told_pose(cfg: AddCfg) -> Array:
         if not 0.99 < np.linalg.norm(cfg.pose[3:]) < 1.01:
             raise CalibrationError(f"the quaternion w x y z of --pose must have length 1, got {cfg.pose[3:]}.")
         return transform_from(matrix_from_wxyz(cfg.pose[3:]), cfg.pose[:3])
-    if cfg.robot is None:
+    if cfg.robot is None or cfg.joints is None:
         raise CalibrationError("joints say nothing without --robot.")
     return _kinematics(cfg.robot).pose(cfg.joints)
 

@@ -32,11 +32,12 @@ from tr_grasp.grasps import (
 from tr_grasp.grasps.grasp_set import ENDING
 from tr_grasp.objects import single_object
 
-HELP = """usage: tr-grasp grasps build|show|replay ...
+HELP = """usage: tr-grasp grasps build|show|replay|motion ...
 
   build OBJECT   find, try and rank grasps of an object, and write them to a file
   show FILE      list the best grasps of a file, and draw them
   replay FILE    try the best ones again, with new misplacements, beside random candidates
+  motion ...     learn and judge which grasps hold while the object moves; `tr-grasp grasps motion --help`
 
 OBJECT is a mesh file, the folder of an object, or one of Task II; FILE may be one of Task II, too, whose grasps come
 with the package. `tr-grasp grasps build --help` lists the flags of each."""
@@ -261,4 +262,11 @@ def _direction(approach: np.ndarray) -> Literal["above", "obliquely above", "the
     return "obliquely above" if elevation_deg > 45 else "the side" if elevation_deg > -45 else "below"
 
 
-_VERBS = {"build": build, "show": show, "replay": replay}
+def motion(args: list[str]) -> int:
+    """Grasps of objects that move."""
+    from tr_grasp.cli import grasps_motion
+
+    return grasps_motion.main(args)
+
+
+_VERBS = {"build": build, "show": show, "replay": replay, "motion": motion}

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from tr_grasp.cli.arguments import device_settings
 from tr_grasp.cli.table import text_table
 from tr_grasp.configs.io import parse
 from tr_grasp.errors import ConfigError
@@ -44,6 +46,9 @@ class PickPlaceCfg:
 
     camera: str | None = None
     """Name of the camera's adapter."""
+
+    device: tuple[str, ...] = ()
+    """Settings of the devices: arm_host=192.168.0.10, camera_serial=..."""
 
     find: Literal["taught", "camera"] = "taught"
     """Where the object is: where it was taught, or where a camera sees it."""
@@ -99,7 +104,7 @@ def main(args: list[str]) -> int:
 def many(cfg: PickPlaceCfg, station: StationCfg) -> int:
     """Trials with the object shifted, and what became of them."""
     from tr_grasp.evaluation.pick_place import pick_place_trials
-    from tr_grasp.evaluation.statistics import wilson_interval
+    from tr_grasp.evaluation.statistics import Counts, wilson_interval
 
     lines, good = [], []
     for trial in pick_place_trials(station, cfg.trials, seed=cfg.seed, shift_m=cfg.shift_m, retries_n=cfg.retries):
@@ -114,7 +119,7 @@ def many(cfg: PickPlaceCfg, station: StationCfg) -> int:
             make_folder(cfg.out.parent)
             write_atomically(cfg.out, "\n".join(lines) + "\n")
     successes = sum(trial.succeeded for trial in good)
-    low, high = wilson_interval(successes, len(good))
+    low, high = wilson_interval(Counts(successes, len(good)))
     times = [trial.cycle_s for trial in good]
     print(
         f"{successes} of {len(good)} placed without touching a wall [{100 * low:.0f}, {100 * high:.0f}] %, "
@@ -164,29 +169,47 @@ def simulated(cfg: PickPlaceCfg, station: StationCfg) -> int:
 
 
 def on_devices(cfg: PickPlaceCfg, station: StationCfg) -> int:
-    """One task on real devices: a dry run, a question, then the task behind a guard."""
+    """One task on real devices: a dry run without them, a question, then the task behind a guard."""
     from tr_grasp.hardware import Guard
-    from tr_grasp.hardware.devices import confirm, open_station
+    from tr_grasp.hardware.devices import confirm, open_station, robot_of
     from tr_grasp.motion import Kinematics
     from tr_grasp.pick_place import BlindPickPlace
     from tr_grasp.robots import robot_spec
 
-    devices = open_station(cfg.arm, cfg.gripper, cfg.camera)
-    guarded = Guard(devices, Kinematics(robot_spec(station.robot))).station
-    locate = None if cfg.find == "taught" else locator(cfg, station, guarded)
-    task = BlindPickPlace(
-        station, guarded, locate=locate, watch=lambda record: print(f"  {record.name:12} {record.reason or 'done'}")
-    )
-    if code := show_plan(task):
-        return code
+    settings = device_settings(cfg.device)
+    spec = robot_of(cfg.arm, cfg.gripper)
+    if spec.name != station.robot:
+        raise ConfigError(f"the station is for {station.robot}, --arm {cfg.arm} makes {spec.name}.")
+
+    def rehearse(copy) -> str:
+        plan = BlindPickPlace(station, copy).dry_run()
+        if isinstance(plan, str) or not plan.succeeded:
+            raise ConfigError(f"there is no plan: {plan if isinstance(plan, str) else plan.reason}.")
+        print(plan_table(plan))
+        return f"{len(plan.stages)} stages, motions of {sum(step.duration_s for step in plan.stages):.1f} s."
+
     if cfg.dry_run:
+        print(rehearse(rehearsal_of(cfg)))
         return 0
-    if not confirm(f"Move {cfg.arm} through these stages?"):
+    if not confirm(cfg.arm, cfg.gripper, rehearse):
         print("nothing was moved")
         return FAILED
-    result = task.run(cfg.retries)
+    with closing(open_station(cfg.arm, cfg.gripper, cfg.camera, **settings)) as devices:
+        guarded = Guard(devices, Kinematics(robot_spec(station.robot))).station
+        locate = None if cfg.find == "taught" else locator(cfg, station, guarded)
+        task = BlindPickPlace(
+            station, guarded, locate=locate, watch=lambda record: print(f"  {record.name:12} {record.reason or 'done'}")
+        )
+        result = task.run(cfg.retries)
     say(result)
     return 0 if result.outcome.succeeded else FAILED
+
+
+def rehearsal_of(cfg: PickPlaceCfg):
+    """The same robot without devices."""
+    from tr_grasp.hardware.devices import rehearsal
+
+    return rehearsal(cfg.arm, cfg.gripper)
 
 
 def show_plan(task: BlindPickPlace, strip: Path | None = None, devices: SapienStation | None = None, eye=None) -> int:
@@ -259,7 +282,9 @@ def locator(cfg: PickPlaceCfg, station: StationCfg, devices):
 
         record = load_calibration(cfg.camera_pose)
         if record.setup != "eye_on_base":
-            raise ConfigError(f"--camera-pose must be of a camera beside the robot, '{cfg.camera_pose}' is in its hand.")
+            raise ConfigError(
+                f"--camera-pose must be of a camera beside the robot, '{cfg.camera_pose}' is in its hand."
+            )
         T_base_cam = np.asarray(record.T_parent_cam)
     elif cfg.arm == SIM:
         T_base_cam = devices.camera.camera.T_base_cam

@@ -31,7 +31,7 @@ from tr_grasp.robots import robot_spec
 
 HELP = """usage: tr-grasp reachability build|show|query ...
 
-  build ROBOT                 learn where the tool of an arm can be, and write it to a file; goes on where it was stopped
+  build ROBOT                 learn where the tool of an arm can be; goes on where it was stopped
   show ROBOT|FILE             compare its signs with inverse kinematics, and draw slices
   query ROBOT|FILE X Y Z      margin and slope at a tool pose [m], by default with the tool pointing down
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tr_grasp.configs import EnvCfg
 from tr_grasp.geometry import transform_from
-from tr_grasp.hardware import Result, Station, finish
+from tr_grasp.hardware import Command, Station, finish
 from tr_grasp.motion import CollisionModel, Kinematics, Planner, Servo, box, time_optimal
 from tr_grasp.robots import ChainKinematics, RobotSpec
 from tr_grasp.robots.cartesian import ToolLimits, ToolTarget, inverse_kinematics, next_target, pose_of
@@ -19,8 +19,9 @@ Execution = Literal["stepped", "smooth", "planned"]
 SERVO_HZ = 100.0
 STOP_MARGIN_RAD = 0.02
 SPEED_SHARE = 0.98
-SETTLE_TICKS = 20
-NEAR_RAD = 2e-3
+SETTLE_TICKS = 200
+FINGERS_S = 5.0
+NEAR_RAD = 1e-3
 TABLE_M = (2.0, 2.0, 0.1)
 TABLE_TOP_M = -0.002
 
@@ -28,9 +29,9 @@ TABLE_TOP_M = -0.002
 class CartesianSteps:
     """Moves the tool of a station in the steps of Task I.
 
-    ``stepped`` streams what the simulated controller sends, a constant joint speed within each step; ``smooth``
-    follows the same with limited acceleration and jerk, as a real arm needs it; ``planned`` plans every step as a
-    collision-free motion, as the thesis did. A step whose joints are faster than the arm takes longer.
+    ``stepped`` streams what the simulated controller sends, a constant joint speed within each step; ``smooth`` goes
+    to the end of each step as fast as limited acceleration and jerk allow, as a real arm needs it; ``planned`` plans
+    every step as a collision-free motion, as the thesis did. A step whose joints are faster than the arm takes longer.
 
     Args:
         cfg: The task.
@@ -86,50 +87,58 @@ class CartesianSteps:
         goal[:3, 3] -= self._reach_m() * goal[:3, 2]
         own = self.station.arm.limits
         q = inverse_kinematics(
-            self._chain, goal, self._q, own.lower_rad + STOP_MARGIN_RAD, own.upper_rad - STOP_MARGIN_RAD, rest=self._rest
+            self._chain,
+            goal,
+            self._q,
+            own.lower_rad + STOP_MARGIN_RAD,
+            own.upper_rad - STOP_MARGIN_RAD,
+            rest=self._rest,
         )
         start, self._q = self._q, q
         reason = self._planned(start, q) if self.execution == "planned" else self._streamed(start, q)
         return reason or self._await(fingers)
 
-    def _move_fingers(self, wish: float):
+    def _move_fingers(self, wish: float) -> Command | None:
         if abs(wish) <= self.cfg.action.gripper_dead_zone or (closing := bool(wish < 0)) == self.closing:
             return None
         self.closing = closing
         low, high = self.station.gripper.opening_range_m
         return self.station.gripper.move(max(low, 0.0) if closing else high)
 
-    def _await(self, fingers) -> str:
-        """Simulated fingers are through within a step; those of real hands take longer, so they are waited for."""
-        if fingers is None:
-            return ""
-        result: Result = finish(fingers, self.station.world, limit_s=5.0)
-        return "" if result.succeeded else f"gripper: {result.reason}"
+    def _await(self, fingers: Command | None) -> str:
+        """Simulated fingers of Task I are through within a step; others take longer, so the arm holds on for them."""
+        until = self.station.world.now_s + FINGERS_S
+        while fingers is not None and not fingers.done:
+            if self.station.world.now_s > until:
+                return f"gripper: the fingers have not come to rest within {FINGERS_S:g} s"
+            if self.execution != "planned" and (reason := self._told(self._q, np.zeros_like(self._q), self._q)):
+                return reason
+            self.station.world.wait(1 / SERVO_HZ)
+        result = None if fingers is None else fingers.result
+        return "" if result is None or result.succeeded else f"gripper: {result.reason}"
 
     def _streamed(self, start: Array, goal: Array) -> str:
-        arm, world = self.station.arm, self.station.world
         step_s = max(1.0 / self.cfg.control_hz, float((np.abs(goal - start) / self._speeds).max()))
         ticks_n = max(1, round(step_s * SERVO_HZ))
         speed = (goal - start) * SERVO_HZ / ticks_n
-        for k in range(ticks_n):
-            reason = self._told(start + (goal - start) * k / ticks_n, speed)
-            if reason:
+        for k in range(ticks_n + SETTLE_TICKS):
+            if k >= ticks_n and self._is_at(goal):
+                break
+            # In Task I the drive's target runs ahead by a tick and stops with the step.
+            share = min(k / ticks_n, 1.0)
+            if reason := self._told(start + (goal - start) * share, speed * (k < ticks_n), goal):
                 return reason
-            world.wait(1 / SERVO_HZ)
-        if self.execution == "smooth":
-            for _ in range(SETTLE_TICKS):
-                if np.abs(self._servo.state.q - goal).max() < NEAR_RAD:
-                    break
-                if reason := self._told(goal, np.zeros_like(goal)):
-                    return reason
-                world.wait(1 / SERVO_HZ)
-            return self._told(goal, np.zeros_like(goal))
-        result = arm.servo(goal, np.zeros_like(goal)).result
-        return "" if result is None else f"arm: {result.reason}"
+            self.station.world.wait(1 / SERVO_HZ)
+        return self._told(goal, np.zeros_like(goal), goal)
 
-    def _told(self, q: Array, dq: Array) -> str:
+    def _is_at(self, goal: Array) -> bool:
+        """Whether what is commanded has reached the end of the step."""
+        return self.execution == "stepped" or bool(np.abs(self._servo.state.q - goal).max() < NEAR_RAD)
+
+    def _told(self, q: Array, dq: Array, goal: Array) -> str:
+        """One set-point: the one given, or the next one of the fastest smooth motion to the goal."""
         if self.execution == "smooth":
-            told = self._servo.track(q, dq)
+            told = self._servo.reach(goal)
             q, dq = told.q, told.dq
         result = self.station.arm.servo(q, dq).result
         return "" if result is None else f"arm: {result.reason}"

@@ -75,7 +75,8 @@ class Algorithm1:
 
     def grasp(self) -> tuple[Forecast, Array]:
         """The forecast of the approach, and ``T_obj_tcp`` of the grasp."""
-        assert self._forecast is not None and self._T_obj_tcp is not None
+        assert self._forecast is not None
+        assert self._T_obj_tcp is not None
         return self._forecast, self._T_obj_tcp
 
     def failed(self) -> None:
@@ -109,19 +110,19 @@ class Algorithm1:
         when_s = seen_s + horizon
         q_now = run.arm.commanded().q
         with run.thinking("ranking"):
-            chosen = self._ranked(forecast.poses(np.array([when_s]))[0], q_now)
+            chosen = self._ranked(forecast, when_s, q_now)
         with run.thinking("inverse_kinematics", 2 * len(chosen)):
             self._choose(chosen, forecast, when_s, q_now)
         run.notes["ik_calls"] += 2 * len(chosen)
         if self._q_pre is not None:
             self._go(self._q_pre, when_s)
 
-    def _ranked(self, T_base_obj: Array, q: Array) -> NDArray[np.integer]:
-        run = self.run
-        if self._number is not None and not self.cfg.switching and self._q_pre is not None:
+    def _ranked(self, forecast: Forecast, when_s: float, q: Array) -> NDArray[np.integer]:
+        run, cfg = self.run, self.cfg
+        if self._number is not None and not cfg.switching and self._q_pre is not None:
             return np.array([self._number])
-        grasps = run.task.grasps
-        return rank_grasps(run.kinematics, grasps, T_base_obj, q, self.cfg.ranking, self.cfg.back_off_m)[:MOST_N]
+        T, aids = forecast.poses(np.array([when_s]))[0], run.aids(forecast, when_s)
+        return rank_grasps(run.kinematics, run.task.grasps, T, q, cfg.ranking, cfg.back_off_m, aids)[:MOST_N]
 
     def _choose(self, chosen: NDArray[np.integer], forecast: Forecast, when_s: float, q_now: Array) -> None:
         """The grasp whose postures at pre-grasp and grasp are nearest in joint space, among those that are free."""
@@ -149,7 +150,7 @@ class Algorithm1:
     def _go(self, q: Array, when_s: float) -> None:
         """Plan to the pre-grasp; if that fails, the plan before it goes on."""
         run = self.run
-        start_s = run.now_s + max(PLANNING_AHEAD_S, run.lead_s)
+        start_s = run.now_s + max(PLANNING_AHEAD_S, run.lead_s())
         start = run.arm.commanded(start_s)
         with run.thinking("planning"):
             run.notes["planner_calls"] += 1
@@ -175,7 +176,8 @@ class Algorithm1:
     def _approach(self) -> bool:
         """Go to where the grasp will be in a second and along with the object from there; false if that cannot be."""
         run = self.run
-        assert self._T_obj_tcp is not None and run.target.seen_s is not None
+        assert self._T_obj_tcp is not None
+        assert run.target.seen_s is not None
         forecast = run.target.forecast(run.target.seen_s, run.target.seen_s + 2 * APPROACH_S)
         start_s, seen_s = run.now_s, run.target.seen_s
         start = run.arm.commanded(start_s)

@@ -10,8 +10,18 @@ from numpy.typing import NDArray
 
 from tr_grasp.dynamic.scene import Scene
 from tr_grasp.dynamic.tool_path import moved_along_tool
-from tr_grasp.motion import IKCfg, JointState, MotionLimits, Outcome, Plan, Planner, PlannerCfg, Trajectory
-from tr_grasp.motion import inverse_kinematics, time_optimal
+from tr_grasp.motion import (
+    IKCfg,
+    JointState,
+    MotionLimits,
+    Outcome,
+    Plan,
+    Planner,
+    PlannerCfg,
+    Trajectory,
+    inverse_kinematics,
+    time_optimal,
+)
 from tr_grasp.motion.edges import edge_is_free
 
 Array = NDArray[np.floating]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +17,7 @@ from tr_grasp.dynamic.scene import Scene
 from tr_grasp.dynamic.settings import GrasperCfg
 from tr_grasp.dynamic.target import Forecast, Target
 from tr_grasp.dynamic.tool_path import ToolPoses, follow, shortest_allowed, smooth
+from tr_grasp.grasps.ranking import NO_AIDS, RankingAids
 from tr_grasp.hardware import Ending, Station
 from tr_grasp.motion import Kinematics, MotionLimits, Trajectory
 from tr_grasp.prediction.registry import make_predictor
@@ -25,7 +27,10 @@ Array = NDArray[np.floating]
 
 CYCLE_S = 0.04
 """The arm gets a new plan this often, if thinking is quick enough: 25 Hz."""
-SHORTEST_LEAD_S, LEAD_FACTOR = 0.01, 1.3
+FIRST_GUESS_S = {"loop": 0.03, "search": 0.07}
+LEAD_FACTOR, LEAD_MARGIN_S, FORGETTING = 1.15, 0.01, 0.9
+"""A plan begins so much later than thinking is expected to take, by the longest thought lately."""
+EARLY_S = 1e-6
 CLOSING_LIMIT_S = 2.0
 LIFTS_S = (0.7, 1.0, 1.5, 2.5, 4.0, 6.0)
 EMPTY_M = 2e-3
@@ -41,9 +46,11 @@ class Run:
         station: The devices.
         task: What is to be grasped, and where.
         cfg: Settings.
+        aids: What the ranking knows beside the arm and the grasps.
     """
 
-    def __init__(self, station: Station, task: DynamicTask, cfg: GrasperCfg) -> None:
+    def __init__(self, station: Station, task: DynamicTask, cfg: GrasperCfg, aids: RankingAids = NO_AIDS) -> None:
+        self._aids = aids
         self.station, self.task, self.cfg = station, task, cfg
         self.arm, self.world = station.arm, station.world
         self.kinematics = _kinematics(task.robot)
@@ -54,27 +61,41 @@ class Run:
         self.thinking_s = self.longest_s = 0.0
         self.attempts = self.loops = self.switches = 0
         self.committed_s: float | None = None
-        self.notes: dict[str, float] = {"ik_calls": 0.0, "planner_calls": 0.0, "longest_loop_s": 0.0}
-        self._recent_s = 0.03
+        self.notes: dict[str, float] = {"ik_calls": 0.0, "planner_calls": 0.0, "longest_loop_s": 0.0, "late_plans": 0.0}
+        costs = task.charges
+        self._expected_s = {kind: costs.cost_s("planning", guess) for kind, guess in FIRST_GUESS_S.items()}
+        self._pending: tuple[Trajectory, float] | None = None
+        self._is_thinking = self.was_late = False
 
     @property
     def now_s(self) -> float:
         """The world's clock."""
         return self.world.now_s
 
-    @property
-    def lead_s(self) -> float:
-        """How long the next thought may take, judging by the ones before it."""
-        return max(SHORTEST_LEAD_S, LEAD_FACTOR * self._recent_s)
+    def lead_s(self, kind: str = "loop") -> float:
+        """How long after now a plan may begin that has yet to be thought of: ``loop`` or ``search``."""
+        return LEAD_FACTOR * self._expected_s[kind] + LEAD_MARGIN_S
 
     @contextmanager
-    def thinking(self, work: Work, calls_n: int = 1) -> Iterator[None]:
-        """What is computed inside costs time."""
-        with charged(self.world, self.task.charges, work, calls_n) as thought:
-            yield
+    def thinking(self, work: Work, calls_n: int = 1, kind: str = "loop") -> Iterator[None]:
+        """What is computed inside costs time; what is sent inside goes out when that is over, if it is not too late."""
+        self._pending, self._is_thinking, self.was_late = None, True, False
+        try:
+            with charged(self.world, self.task.charges, work, calls_n) as thought:
+                yield
+        finally:
+            self._is_thinking = False
         self.thinking_s += thought.seconds
-        self._recent_s = max(thought.seconds, 0.8 * self._recent_s)
-        self.notes["longest_loop_s"] = max(self.notes["longest_loop_s"], thought.seconds)
+        if work == "planning":
+            self._expected_s[kind] = max(thought.seconds, FORGETTING * self._expected_s[kind])
+            self.notes["longest_loop_s"] = max(self.notes["longest_loop_s"], thought.seconds)
+        if self._pending is not None:
+            self.was_late = not self.send(*self._pending)
+            self.notes["late_plans"] += self.was_late
+
+    def aids(self, forecast: Forecast, time_s: float) -> RankingAids:
+        """What the ranking knows, with the speed that the predictor expects at a time."""
+        return replace(self._aids, velocity_base_mps=forecast.states(np.array([time_s]))[1][0])
 
     def tell(self, phase: Phase) -> None:
         """Say what goes on."""
@@ -101,6 +122,11 @@ class Run:
 
     def send(self, trajectory: Trajectory, at_s: float) -> bool:
         """Have the arm follow a trajectory from a time on; false if that is refused, for example because it is late."""
+        if self._is_thinking:
+            self._pending = (trajectory, at_s)
+            return True
+        if at_s < self.now_s - EARLY_S:
+            return False
         command = self.arm.move(trajectory, at_s=at_s)
         return command.result is None or command.result.ending is not Ending.REFUSED
 
@@ -120,7 +146,8 @@ class Run:
     def close(self, forecast: Forecast, T_obj_tcp: Array, goes_along: bool = True) -> bool:
         """Close the fingers while the hand goes along with the object; whether there is something between them.
 
-        Without ``goes_along``, the hand goes on as it was told before. What is seen of the object while fingers push it is no news about its path, so the forecast stays as it was.
+        Without ``goes_along``, the hand goes on as it was told before. What is seen of the object while fingers push it
+        is no news about its path, so the forecast stays as it was.
         """
         self.tell(Phase.CLOSING)
         self.attempts += 1
@@ -166,8 +193,8 @@ class Run:
         risen = seen[-1].T_base_object[2, 3] - before[2, 3] if seen else 0.0
         return holds and (not seen or bool(risen > RAISED_SHARE * self.task.lift_m))
 
-    def let_go(self, T_obj_tcp: Array, back_m: float) -> None:
-        """Open the fingers and draw the hand back, along with the object, before another attempt."""
+    def let_go(self, back_m: float) -> None:
+        """Open the fingers and draw the hand back against its approach, before another attempt."""
         self.tell(Phase.REACHING)
         gripper = self.station.gripper
         command, until = gripper.move(gripper.opening_range_m[1]), self.now_s + CLOSING_LIMIT_S

@@ -6,13 +6,13 @@ from typing import Protocol
 
 from tr_grasp.dynamic.algorithm1 import Algorithm1
 from tr_grasp.dynamic.attempt import Array, Run
-from tr_grasp.dynamic.meet import MeetingPlanner
+from tr_grasp.dynamic.meet import RETREAT_M, MeetingPlanner
 from tr_grasp.dynamic.method import DynamicTask, GraspOutcome, MethodResult, Phase
 from tr_grasp.dynamic.settings import GrasperCfg
 from tr_grasp.dynamic.target import Forecast
+from tr_grasp.errors import GraspError
+from tr_grasp.grasps.ranking import NO_AIDS, RankingAids
 from tr_grasp.hardware import Station
-
-RETREAT_M = 0.09
 
 
 class Reaching(Protocol):
@@ -41,10 +41,16 @@ class DynamicGrasper:
 
     Args:
         cfg: Settings; ours by default, ``GrasperCfg.thesis()`` for the thesis'.
+        aids: What rankings know beside the arm and the grasps: a reachability field, a motion-aware scorer.
+
+    Raises:
+        GraspError: The ranking ``motion`` without a scorer.
     """
 
-    def __init__(self, cfg: GrasperCfg | None = None) -> None:
-        self.cfg = cfg or GrasperCfg()
+    def __init__(self, cfg: GrasperCfg | None = None, aids: RankingAids = NO_AIDS) -> None:
+        self.cfg, self.aids = cfg or GrasperCfg(), aids
+        if self.cfg.ranking == "motion" and aids.scorer is None:
+            raise GraspError("the ranking 'motion' needs a motion-aware scorer; give one, or choose another ranking.")
 
     @property
     def name(self) -> str:
@@ -57,7 +63,7 @@ class DynamicGrasper:
         Raises:
             TrialOver: The judge of a trial has ended it.
         """
-        run = Run(station, task, self.cfg)
+        run = Run(station, task, self.cfg, self.aids)
         planner: Reaching = Algorithm1(run) if self.cfg.planner == "thesis" else MeetingPlanner(run)
         while True:
             if (ending := planner.reach()) is not None:
@@ -69,7 +75,7 @@ class DynamicGrasper:
             if not self.cfg.retry or run.attempts >= self.cfg.attempts_n or run.path_is_over():
                 return run.result(failure, f"after {run.attempts} attempts" if run.attempts > 1 else "")
             planner.failed()
-            run.let_go(planner.grasp()[1], RETREAT_M)
+            run.let_go(RETREAT_M)
 
     def _take(self, run: Run, planner: Reaching) -> GraspOutcome | None:
         """Close, lift and look: nothing if the object is held, else what went wrong."""

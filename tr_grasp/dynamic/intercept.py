@@ -109,6 +109,7 @@ class InterceptSearch:
         back_off_m: Distance of the pre-grasp.
         horizon_s: Latest arrival.
         approach_s: Time from pre-grasp to grasp.
+        lift_m: How far up the hand goes with the object.
     """
 
     def __init__(
@@ -119,10 +120,11 @@ class InterceptSearch:
         back_off_m: float,
         horizon_s: float,
         approach_s: float,
+        lift_m: float,
     ) -> None:
         self.scene, self.limits, self.candidates = scene, limits, candidates
         self.kinematics, self.back_off_m = scene.kinematics, back_off_m
-        self.approach_s, self.horizon_s = approach_s, horizon_s
+        self.approach_s, self.horizon_s, self.lift_m = approach_s, horizon_s, lift_m
         self._half = len(candidates) // 2
         self._T_obj_pre = moved_along_tool(candidates.T_obj_tcp, back_off_m)
         self._leads = np.geomspace(0.04 * horizon_s, horizon_s, LEADS_N)
@@ -217,14 +219,15 @@ class InterceptSearch:
         return JointState(q[0], speed, np.zeros_like(speed))
 
     def _holds(self, forecast: Forecast, c: Index, q: Array, times_s: Array) -> NDArray[np.bool_]:
-        """(n,) whether pre-grasp, grasp, and grasp a while later are free and near to each other."""
+        """(n,) whether pre-grasp, grasp, grasp a while later, and that one lifted, are free and near to each other."""
         if not len(c):
             return np.zeros(0, bool)
         scene, ok = self.scene, self.scene.way.free(q, times_s)
-        before = q
-        for after_s in (self.approach_s, self.approach_s + AFTERWARDS_S):
+        before, later_s = q, self.approach_s + AFTERWARDS_S
+        for after_s, up_m in ((self.approach_s, 0.0), (later_s, 0.0), (later_s, self.lift_m)):
             times = times_s + after_s
             T = forecast.poses(times) @ self.candidates.T_obj_tcp[c]
+            T[:, 2, 3] += up_m
             at = inverse_kinematics(self.kinematics, T, before, _NEAR).q_rad
             near = np.isfinite(at).all(-1)
             near[near] = np.abs(at - before)[near].max(-1) < JUMP_RAD
@@ -262,5 +265,3 @@ class InterceptSearch:
         last = np.where(last > upper, last - 2 * np.pi, last)
         turned[..., -1] = np.where(last < lower, last + 2 * np.pi, last)
         return turned
-
-

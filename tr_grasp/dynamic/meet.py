@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from tr_grasp.dynamic.approach import Approach
 from tr_grasp.dynamic.around import way_around
 from tr_grasp.dynamic.attempt import CYCLE_S, Run
+from tr_grasp.dynamic.hopeless import Ending, hopeless
 from tr_grasp.dynamic.intercept import NORMAL_95, Candidates, Found, InterceptSearch, Meeting
 from tr_grasp.dynamic.method import GraspOutcome, Phase
 from tr_grasp.dynamic.target import Forecast
-from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool, smooth
+from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool
 from tr_grasp.grasps.ranking import rank_grasps
 from tr_grasp.motion import Plan
 
 Array = NDArray[np.floating]
-Ending = tuple[GraspOutcome, str]
 
 APPROACH_S = {"rated": 0.6, "thesis": 1.6}
 SLOWNESS = {"rated": 1.0, "thesis": 2.0}
 """By how much further ahead a slow arm has to look."""
 SEARCH_EVERY_S, RETRY_SEARCH_S, DETOUR_EVERY_S = 0.4, 0.12, 0.5
 """Time between two searches while the arm is after something, and while it is not; and between two for detours."""
+RETREAT_M = 0.09
 SETTLED_S = 0.12
 """So shortly before the arrival, the arm begins to follow instead of aiming again."""
 DETOURS_N = 2
@@ -36,28 +36,6 @@ STUCK_N = 12
 RANKED_N = 10
 """Grasps that are looked at under rankings that choose some."""
 RANKING_AHEAD_S = 2.0
-REACH_M = 1.0
-"""What is further from the base than this is out of reach of every posture."""
-FAR_AHEAD_S = 60.0
-PATIENCE_S = 10.0
-"""For how long a way is looked for while grasps are free, but every way to them is blocked."""
-
-
-@dataclass
-class Approach:
-    """From the pre-grasp to the grasp, in the frame of the object.
-
-    Attributes:
-        begins_s: When the hand leaves the pre-grasp.
-        takes_s: How long it is on its way.
-    """
-
-    begins_s: float
-    takes_s: float
-
-    def back_m(self, times_s: Array, back_off_m: float) -> Array:
-        """How far the hand is still back (n,)."""
-        return back_off_m * (1 - smooth((times_s - self.begins_s) / self.takes_s))
 
 
 class MeetingPlanner:
@@ -76,6 +54,7 @@ class MeetingPlanner:
         self.horizon_s = run.cfg.horizon_s * SLOWNESS[run.cfg.limits]
         self._search: InterceptSearch | None = None
         self._leaps_n = 0
+        self._is_too_near = False
         self._avoid: set[int] = set()
         self._begin()
 
@@ -94,17 +73,25 @@ class MeetingPlanner:
                 run.world.wait(CYCLE_S)
                 continue
             began_s = run.now_s
-            with run.thinking("planning"):
-                ending = self._think()
+            searches = self._is_search_due()
+            with run.thinking("planning", kind="search" if searches else "loop"):
+                ending = self._think(searches)
+            if run.was_late and self._approach is None:
+                self._begin()
             if ending is not None:
                 return ending
             run.world.wait(max(CYCLE_S - (run.now_s - began_s), 0.0))
+            if self._is_too_near:
+                self._is_too_near = False
+                run.let_go(RETREAT_M)
+                continue
             if self._approach is not None and self._is_aligned():
                 return None
 
     def grasp(self) -> tuple[Forecast, Array]:
         """The forecast by which the hand follows now, and ``T_obj_tcp`` of the grasp."""
-        assert self._forecast is not None and self._meeting is not None
+        assert self._forecast is not None
+        assert self._meeting is not None
         return self._forecast, self._meeting.T_obj_tcp
 
     def failed(self) -> None:
@@ -122,10 +109,17 @@ class MeetingPlanner:
         self._hover_since_s: float | None = None
         self._stuck_n, self._detour_s = 0, -np.inf
 
-    def _think(self) -> Ending | None:
+    def _is_search_due(self) -> bool:
+        if self._approach is not None:
+            return False
+        since_s = np.inf if self._searched_s is None else self.run.now_s - self._searched_s
+        due_s = RETRY_SEARCH_S if self._meeting is None else SEARCH_EVERY_S if self.cfg.switching else np.inf
+        return bool(since_s >= due_s)
+
+    def _think(self, searches: bool) -> Ending | None:
         run = self.run
         run.loops += 1
-        start_s = run.now_s + run.lead_s
+        start_s = run.now_s + run.lead_s("search" if searches else "loop")
         forecast = run.target.forecast(run.now_s, start_s + self.horizon_s + 4.0)
         self._forecast = forecast
         run.scene.expect(forecast)
@@ -137,9 +131,7 @@ class MeetingPlanner:
             return None
         if self._meeting is not None:
             self._refresh(forecast, start_s)
-        since_s = np.inf if self._searched_s is None else start_s - self._searched_s
-        due_s = RETRY_SEARCH_S if self._meeting is None else SEARCH_EVERY_S if self.cfg.switching else np.inf
-        if since_s >= due_s:
+        if searches:
             return self._choose(forecast, start_s)
         return None
 
@@ -171,7 +163,8 @@ class MeetingPlanner:
     def _refresh(self, forecast: Forecast, start_s: float) -> None:
         """Aim again at the same grasp, with what is known now."""
         run, meeting = self.run, self._meeting
-        assert meeting is not None and self._search is not None
+        assert meeting is not None
+        assert self._search is not None
         start = run.arm.commanded(start_s)
         if not self.cfg.seeding and meeting.arrival_s - start_s > 1.0:
             return
@@ -183,8 +176,10 @@ class MeetingPlanner:
             return
         self._stuck_n += 1
         goal = self._search.goal(forecast, meeting.candidate, meeting.q, meeting.arrival_s)
-        rest = meeting.way.cut(start_s - meeting.start_s) if start_s < meeting.start_s + meeting.way.duration_s else None
-        blocked = rest is not None and not run.scene.is_free(rest, start_s)
+        # A plan that was searched for may begin later than this loop could act: then all of it is still ahead.
+        gone_s, blocked = max(start_s - meeting.start_s, 0.0), False
+        if gone_s < meeting.way.duration_s:
+            blocked = not run.scene.is_free(meeting.way.cut(gone_s), max(start_s, meeting.start_s))
         if goal is None or blocked or (self._plan is None and self._stuck_n > STUCK_N):
             self._drop()
 
@@ -204,7 +199,6 @@ class MeetingPlanner:
         self._stuck_n += 1
         if self._stuck_n > STUCK_N or self._is_overdue(start_s):
             self._drop()
-            run.tell(Phase.REACHING)
 
     def _tool_poses(self, forecast: Forecast, meeting: Meeting) -> ToolPoses:
         approach, back_off = self._approach, self.cfg.back_off_m
@@ -223,7 +217,9 @@ class MeetingPlanner:
 
     def _is_aligned(self) -> bool:
         run, approach = self.run, self._approach
-        assert approach is not None and self._forecast is not None and self._meeting is not None
+        assert approach is not None
+        assert self._forecast is not None
+        assert self._meeting is not None
         if run.now_s < approach.begins_s + approach.takes_s:
             return False
         T = self._forecast.poses(np.array([run.now_s]))[0] @ self._meeting.T_obj_tcp
@@ -232,7 +228,6 @@ class MeetingPlanner:
             return True
         if self._is_overdue(run.now_s):
             self._drop()
-            run.tell(Phase.REACHING)
         return False
 
     def _is_overdue(self, now_s: float) -> bool:
@@ -240,7 +235,11 @@ class MeetingPlanner:
         return approach is not None and now_s > approach.begins_s + approach.takes_s + ALIGN_LIMIT_S
 
     def _drop(self) -> None:
-        """Forget what the arm is after."""
+        """Forget what the arm is after; from an approach that was broken off, the hand has to get away first."""
+        if self._approach is not None:
+            self.failed()
+            self._is_too_near = True
+            self.run.tell(Phase.REACHING)
         self._begin()
 
     def _around(self, search: InterceptSearch, found: Found, forecast: Forecast, start_s: float) -> Meeting | None:
@@ -270,17 +269,19 @@ class MeetingPlanner:
             chosen = np.arange(len(grasps))
         else:
             T = forecast.poses(np.array([start_s + RANKING_AHEAD_S]))[0]
-            chosen = rank_grasps(run.kinematics, grasps, T, q, cfg.ranking, cfg.back_off_m)[:RANKED_N]
+            aids = run.aids(forecast, start_s)
+            chosen = rank_grasps(run.kinematics, grasps, T, q, cfg.ranking, cfg.back_off_m, aids)[:RANKED_N]
         kept = np.array([i for i in chosen if i not in self._avoid], int)
         chosen = kept if len(kept) else chosen
         if not len(chosen):
             return None
         candidates = Candidates.of(grasps, chosen)
-        if self._meeting is not None and self._search is not None:
-            if not np.array_equal(candidates.number, self._search.candidates.number):
-                return self._search  # candidates are counted by their place: keep it while the arm is after one
+        # A meeting names its candidate by its place among them: they stay while the arm is after one.
+        before = self._search
+        if self._meeting and before and not np.array_equal(candidates.number, before.candidates.number):
+            return before
         self._search = InterceptSearch(
-            run.scene, run.limits, candidates, cfg.back_off_m, self.horizon_s, self.approach_s
+            run.scene, run.limits, candidates, cfg.back_off_m, self.horizon_s, self.approach_s, run.task.lift_m
         )  # fmt: skip
         return self._search
 
@@ -288,25 +289,8 @@ class MeetingPlanner:
         """Nothing to be met: an ending if that has been so for long enough and will not change."""
         self._hopeless_since_s = start_s if self._hopeless_since_s is None else self._hopeless_since_s
         since_s = start_s - self._hopeless_since_s
-        if since_s < self.cfg.hopeless_after_s:
-            return None
-        run = self.run
-        if contact := run.scene.way.contact(run.arm.commanded(start_s).q, start_s):
-            return GraspOutcome.NO_WAY, f"where the arm is, {contact}"
-        end = run.task.path_end_s
-        until = start_s + FAR_AHEAD_S if end is None else min(end, start_s + FAR_AHEAD_S)
-        ahead = np.arange(start_s, until, 0.5)
-        distance = np.linalg.norm(forecast.states(ahead)[0], axis=1)
-        comes_near = bool((distance < REACH_M).any())
-        later = bool((distance[ahead > start_s + self.horizon_s] < REACH_M).any())
-        if not comes_near:
-            return GraspOutcome.UNREACHABLE, f"it stays further than {REACH_M:g} m from the base"
-        if later and (not found.free_n or since_s < PATIENCE_S):
-            return None  # what comes within reach after the horizon is waited for
-        if not found.reachable_n:
-            return GraspOutcome.UNREACHABLE, "no posture of the arm reaches it anywhere on its path"
-        if not found.in_time_n:
-            return GraspOutcome.UNREACHABLE, "it is out of reach again before the arm could be there"
-        if not found.free_n:
-            return GraspOutcome.NO_GRASP, "every grasp that can be reached in time touches something"
-        return GraspOutcome.NO_WAY, ""
+        return (
+            None
+            if since_s < self.cfg.hopeless_after_s
+            else hopeless(self.run, found, forecast, start_s, since_s, self.horizon_s)
+        )

@@ -17,7 +17,8 @@ def least_time(start: JointState, q: Array, dq: Array, limits: MotionLimits) -> 
 
     Args:
         start: (dof,) position and speed now.
-        q, dq: (*batch, dof) position and speed to arrive with.
+        q: (*batch, dof) position to arrive at; NaN where there is none.
+        dq: (*batch, dof) speed to arrive with.
         limits: Of the joints.
 
     Returns:

@@ -16,6 +16,8 @@ Array = NDArray[np.floating]
 
 OBJECT_MARGIN_M = 0.004
 """How far the arm stays off the object on its way; the covariance of the forecast comes on top, through the score."""
+OBSTACLE_MARGIN_M = 0.005
+"""How far it stays off what stands around."""
 CHECK_PERIOD_S = 0.04
 
 
@@ -68,11 +70,11 @@ class Scene:
 
 
 def apart_from(kinematics: Kinematics, obstacles: Sequence[Obstacle], q: Array) -> tuple[Obstacle, ...]:
-    """The obstacles; those that links touch where the arm is at first do not mind these links.
+    """The obstacles with a margin; those that links touch where the arm is at first do not mind these links.
 
     An arm that leans on something has to be able to leave; no way out of a contact would be free of it.
     """
-    left = list(obstacles)
+    left = [_grown(obstacle) for obstacle in obstacles]
     while contact := CollisionModel(kinematics, left).contact(q):
         touched = [i for i, obstacle in enumerate(left) if obstacle.name == contact.second]
         if not touched:
@@ -80,6 +82,14 @@ def apart_from(kinematics: Kinematics, obstacles: Sequence[Obstacle], q: Array) 
         i = touched[0]
         left[i] = replace(left[i], may_touch=(*left[i].may_touch, contact.first))
     return tuple(left)
+
+
+def _grown(obstacle: Obstacle) -> Obstacle:
+    if not hasattr(obstacle.geometry, "setSweptSphereRadius"):
+        return obstacle  # an octree: its leaves are larger than what they hold
+    geometry = obstacle.geometry.clone()
+    geometry.setSweptSphereRadius(max(geometry.getSweptSphereRadius(), OBSTACLE_MARGIN_M))
+    return replace(obstacle, geometry=geometry)
 
 
 def hand_links(kinematics: Kinematics) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from tr_grasp.robots.urdf import cached_urdf
 
 Array = NDArray[np.floating]
 SPACING_M = 2.0
+AT_REST = np.zeros(3)
 FINGER_FRICTION = 1.5
 NO_SELF_COLLISION = 1 << 29
 """Bodies that share this bit of the third group pass through each other."""
@@ -164,9 +165,7 @@ class _Slot:
         scene.add_entity(self.object)
         self._open = spec.gripper.open
 
-    def reset(
-        self, T_obj_tcp: Array, shift: Array, turn: float, stand_z_m: float, aside: Array = np.zeros(3)
-    ) -> None:
+    def reset(self, T_obj_tcp: Array, shift: Array, turn: float, stand_z_m: float, aside: Array = AT_REST) -> None:
         """Put the object at its place, moved and turned, and the hand before where it was to be, or beside that."""
         origin = np.array([*self._place, stand_z_m])
         self.object.set_pose(sapien.Pose(origin + np.append(shift, 0.0), [np.cos(turn / 2), 0, 0, np.sin(turn / 2)]))
@@ -183,9 +182,7 @@ class _Slot:
         self._hand.set_qpos(q)
         self._hand.set_qvel(np.zeros_like(q))
         self._setpoint = self._coupling.open_setpoint
-        for joint, position in zip(
-            [*self._slides, *self._finger_joints], [*start, *self._open], strict=True
-        ):
+        for joint, position in zip([*self._slides, *self._finger_joints], [*start, *self._open], strict=True):
             joint.set_drive_target(float(position))
             joint.set_drive_velocity_target(0.0)
 

@@ -40,6 +40,7 @@ class SapienWorld:
 
     Attributes:
         scene: For what is added to it.
+        charged_s: Time that was charged so far.
 
     Raises:
         MotionError: Two things of one name.
@@ -63,7 +64,7 @@ class SapienWorld:
         for entity in self.entities.values():
             self.scene.sub_scenes[0].add_entity(entity)
         self._streams = {thing.name: PoseStream(thing.stream) for thing in things}
-        self._steps, self._owed_s = 0, 0.0
+        self._steps, self._owed_s, self.charged_s = 0, 0.0, 0.0
         self._before_step: list[Callable[[], None]] = []
         self._links: dict[sapien.Entity, str] = {}
         self._names = {entity: name for name, entity in self.entities.items()}
@@ -102,6 +103,7 @@ class SapienWorld:
 
     def charge(self, duration_s: float) -> None:
         """As :meth:`wait`: nothing else makes virtual time pass."""
+        self.charged_s += checked_duration(duration_s)
         self.wait(duration_s)
 
     @property

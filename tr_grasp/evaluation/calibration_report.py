@@ -57,7 +57,8 @@ def calibration_html(
 def _header(title: str, result: HandEyeResult, truth: Array | None) -> str:
     radius, turned = 1e3 * result.uncertainty.translation_m, np.degrees(result.uncertainty.rotation_rad)
     sentence = (
-        f"With 95 % confidence the camera is within {radius:.2f} mm and {turned:.3f} degrees of {result.name}, "
+        "With 95 % confidence, and if its intrinsics are right, the camera is within "
+        f"{radius:.2f} mm and {turned:.3f} degrees of {result.name}, "
         f"from {len(result.samples)} samples"
     )
     sentence += f", {len(result.outliers)} of them left out." if result.outliers else "."

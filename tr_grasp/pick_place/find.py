@@ -24,7 +24,9 @@ def points_of(image: RGBDImage, T_base_cam: Array) -> Array:
     """(n, 3) what a picture shows, base frame [m]."""
     k, rows_columns = image.intrinsics, np.argwhere(np.isfinite(image.depth_m))
     depth = image.depth_m[tuple(rows_columns.T)].astype(float)
-    rays = np.column_stack([(rows_columns[:, 1] - k.cx) / k.fx, (rows_columns[:, 0] - k.cy) / k.fy, np.ones(len(depth))])
+    rays = np.column_stack(
+        [(rows_columns[:, 1] - k.cx) / k.fx, (rows_columns[:, 0] - k.cy) / k.fy, np.ones(len(depth))]
+    )
     return transform_points(T_base_cam, rays * depth[:, None])
 
 

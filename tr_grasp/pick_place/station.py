@@ -54,7 +54,8 @@ class PoseCfg:
 
     def matrix(self) -> Array:
         """``T_base_link`` (4, 4) of a pose with its own numbers."""
-        assert self.position_m is not None and self.orientation_xyzw is not None
+        assert self.position_m is not None
+        assert self.orientation_xyzw is not None
         x, y, z, w = self.orientation_xyzw
         return transform_from(matrix_from_wxyz([w, x, y, z]), self.position_m)
 

@@ -83,10 +83,11 @@ def run_trial(
         said = method.run(scene.station, scene.task(grasps, judge.tell))
     except TrialOver as over:
         said = over
-    over_s = scene.station.world.now_s
+    world = scene.station.world
+    over_s, charged_s = world.now_s, world.charged_s
     verdict = judge.verdict(said)
     ended = time.perf_counter()
-    times_s, walls_s = (over_s, scene.station.world.now_s), (ended - begun, built - begun)
+    times_s, walls_s = (over_s, world.now_s, charged_s), (ended - begun, built - begun)
     return _record(cfg, trial, method.name, verdict, said, times_s, walls_s)
 
 
@@ -96,7 +97,7 @@ def _record(
     method: str,
     verdict: Verdict,
     said: MethodResult | TrialOver,
-    times_s: tuple[float, float],
+    times_s: tuple[float, float, float],
     walls_s: tuple[float, float],
 ) -> TrialRecord:
     result = said if isinstance(said, MethodResult) else MethodResult(said.outcome)
@@ -118,7 +119,7 @@ def _record(
         attempts=max(verdict.attempts, result.attempts),
         loops=result.loops,
         switches=result.switches,
-        thinking_s=result.thinking_s,
+        thinking_s=times_s[2],
         notes=json.dumps(result.notes, sort_keys=True),
         wall_s=walls_s[0],
         build_s=walls_s[1],

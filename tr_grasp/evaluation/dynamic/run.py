@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 
 from tr_grasp.configs.dynamic import DynamicCfg
@@ -28,6 +29,10 @@ NETWORKS = ("mlp", "lstm")
 
 class WorkerDiedError(TrGraspError, RuntimeError):
     """A process that ran trials ended by itself."""
+
+
+# A plan is gone through several times, and drawing a path that fits takes some milliseconds.
+_trial = lru_cache(maxsize=None)(make_trial)
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ class Plan:
         for number in range(self.trials_n):
             for motion in self.motions:
                 for object_name in self.objects:
-                    trial = make_trial(motion, object_name, number, self.seed)
+                    trial = _trial(motion, object_name, number, self.seed)
                     for speed in self.speeds_m_s:
                         for contender in self.contenders:
                             yield Job(contender, replace(self.world, speed_m_s=speed), trial)

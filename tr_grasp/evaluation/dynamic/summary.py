@@ -130,8 +130,8 @@ def cost_rows(records: Records) -> list[tuple[str, ...]]:
     for method, group in grouped(records, lambda r: r.method).items():
         n = len(group)
         means = [sum(getattr(r, name) for r in group) / n for name in ("wall_s", "end_s", "thinking_s")]
-        reaching = sum(r.time_s for r in group)
-        rate = sum(r.loops for r in group) / reaching if reaching else 0.0
+        planned = [r for r in group if r.loops]  # a method that the judge has cut off cannot tell
+        rate = sum(r.loops for r in planned) / sum(r.time_s for r in planned) if planned else 0.0
         others = [sum(getattr(r, name) for r in group) / n for name in ("attempts", "switches")]
         texts = (f"{value:.2f}" for value in (*means, rate, *others))
         rows.append((method, str(n), *texts))

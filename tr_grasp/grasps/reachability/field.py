@@ -52,7 +52,7 @@ class ReachabilityField:
     settings: Mapping[str, Any] = field(default_factory=dict)
     statistics: Mapping[str, Any] = field(default_factory=dict)
 
-    @torch.no_grad()
+    @torch.inference_mode()
     def values(self, T_base_tcp: ArrayLike) -> Array:
         """(*batch,) margins [m] of tool poses (*batch, 4, 4).
 

@@ -99,7 +99,8 @@ def border_poses(
     """(m, 4, 4) poses on the border, m ≤ n: from poses (n, 4, 4) a random way that crosses it, halved again and again.
 
     Args:
-        T, is_reachable: Poses and their labels.
+        T: The poses.
+        is_reachable: Their labels.
         reach_m: Typical length of the ways; turns are as long at ``M_PER_RAD``.
         halvings_n: The border is found to about ``reach_m / 2**halvings_n``.
         label: Labels poses.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -75,7 +76,7 @@ class MarginNet(nn.Module):
         self.register_buffer("mean", torch.zeros(shape.features_n))
         self.register_buffer("scale", torch.ones(shape.features_n))
         sizes = [shape.features_n, width, width, width]
-        layers = [layer for n, m in zip(sizes, sizes[1:], strict=False) for layer in (nn.Linear(n, m), nn.SiLU())]
+        layers = [layer for n, m in pairwise(sizes) for layer in (nn.Linear(n, m), nn.SiLU())]
         self.layers = nn.Sequential(*layers, nn.Linear(width, 1))
 
     def forward(self, features: Tensor) -> Tensor:

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from tr_grasp.grasps.reachability.field import ReachabilityField
 
 Array = NDArray[np.floating]
+_S = np.sqrt(0.5)
 DIRECTIONS = {
     "tool points down": np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]]),
-    "obliquely down and outward": np.array([[np.sqrt(0.5), 0, np.sqrt(0.5)], [0, -1, 0], [np.sqrt(0.5), 0, -np.sqrt(0.5)]]),
+    "obliquely down and outward": np.array([[_S, 0, _S], [0, -1, 0], [_S, 0, -_S]]),
     "outward": np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]]),
     "sideways": np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]),
     "inward": np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]),
