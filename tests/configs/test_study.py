@@ -15,7 +15,8 @@ def test_the_package_offers_the_eight_comparisons_of_the_thesis() -> None:
 def test_every_run_of_a_study_is_another_one(name: str) -> None:
     study = load_study(name)
     runs = list(study.runs.values())
-    assert len(runs) >= 2 and study.question.endswith((".", "?"))
+    assert len(runs) >= 2
+    assert study.question.endswith((".", "?"))
     assert all(runs.index(run) == index for index, run in enumerate(runs))
 
 

@@ -285,4 +285,5 @@ def test_running_statistics_can_be_left_behind_as_in_the_thesis():
     targets.step()
     target = loss.target_encoder_network_params.data.flatten_keys(".")
     means = [value for key, value in target.items() if key.endswith("running_mean")]
-    assert means and all((mean == 0).all() for mean in means)
+    assert means
+    assert all((mean == 0).all() for mean in means)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -86,14 +86,14 @@ class BoardSpec:
         return np.array([[-m, -m, 0.0], [w + m, -m, 0.0], [w + m, h + m, 0.0], [-m, h + m, 0.0]])
 
     @cached_property
-    def cv_board(self) -> cv2.aruco.Board:
-        """The same board for OpenCV."""
+    def cv_board(self) -> Any:
+        """The same board for OpenCV: a ``cv2.aruco.Board`` or, for charuco, a ``CharucoBoard``."""
         size = (self.columns_n, self.rows_n)
         if self.kind == "charuco":
             return cv2.aruco.CharucoBoard(size, self.pitch_m, self.marker_m, self._dictionary)
         # OpenCV's GridBoard is the same, but warns of gaps as narrow as the thesis' 5 mm.
         corners = np.array(list(self.marker_corners_board.values()), np.float32)
-        return cv2.aruco.Board(corners, self._dictionary, np.arange(self.markers_n))
+        return cv2.aruco.Board(list(corners), self._dictionary, np.arange(self.markers_n))
 
     @cached_property
     def marker_corners_board(self) -> dict[int, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import cv2
 import numpy as np
@@ -62,7 +62,7 @@ def _opencv(hand: Array, seen: Array, method: Method) -> Array:
     return _joined(R, t)
 
 
-def _split(T: Array) -> tuple[Array, Array]:
+def _split(T: Array) -> tuple[Any, Any]:  # OpenCV takes arrays where it declares sequences
     return np.ascontiguousarray(T[:, :3, :3]), np.ascontiguousarray(T[:, :3, 3])
 
 

@@ -90,7 +90,8 @@ def coverage_of(samples: Sequence[Sample]) -> Coverage:
     own = (middle.inv() * Rotation.from_matrix(T[:, :3, :3])).as_rotvec()
     ranges = np.degrees(np.ptp(own, axis=0))
     largest = float(np.degrees(np.linalg.norm(turns, axis=1).max()))
-    return Coverage(len(T), largest, _spread_deg(turns), way, tuple(float(r) for r in ranges))
+    x, y, z = (float(r) for r in ranges)
+    return Coverage(len(T), largest, _spread_deg(turns), way, (x, y, z))
 
 
 def require_coverage(samples: Sequence[Sample]) -> Coverage:

@@ -230,7 +230,7 @@ def _corners(grey: Array, board: BoardSpec, numbers: list[int], rough: Array, qu
     if ids is None or not len(np.ravel(ids)):
         return np.zeros((0, 2)), np.zeros((0, 3))
     every = np.asarray(board.cv_board.getChessboardCorners(), float)
-    return np.asarray(found, float).reshape(-1, 2), every[np.ravel(ids)]
+    return np.asarray(found, float).reshape(-1, 2), every[np.ravel(ids).astype(int)]
 
 
 def _reach_px(board: BoardSpec, side_px: Array) -> Array:

@@ -60,7 +60,7 @@ def _side(picture: Array, corners: Array, side: int, reach: float) -> tuple[Arra
     at = np.linspace(inset, length - inset, max(int(length), 8))
     across = np.linspace(-reach, reach, int(2 * reach * STEPS_PER_PX) + 1)
     points = start + at[:, None, None] * along + across[None, :, None] * outward
-    profile = cv2.remap(picture, points.astype(np.float32), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    profile = cv2.remap(picture, *_maps(points), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     ends = max(1, len(across) // 6)
     dark, bright = profile[:, :ends].mean(), profile[:, -ends:].mean()
     step = np.clip((profile - dark) / max(bright - dark, 1.0), -0.5, 1.5)
@@ -71,14 +71,24 @@ def _side(picture: Array, corners: Array, side: int, reach: float) -> tuple[Arra
     return _line(edge), _width(step.mean(0), across)
 
 
+def _maps(points: Array) -> tuple[Array, Array]:
+    """Columns and rows as OpenCV's remap takes them."""
+    return points[..., 0].astype(np.float32), points[..., 1].astype(np.float32)
+
+
 def _line(points: Array) -> Array:
     """The line (3,) nearest to points (n, 2), those far from it left out once."""
-    for _ in range(2):
-        centre = points.mean(0)
-        normal = np.linalg.eigh((points - centre).T @ (points - centre))[1][:, 0]
-        gaps = np.abs((points - centre) @ normal)
-        points = points[gaps <= 3 * np.median(gaps) + 1e-6]
+    centre, normal = _plain_line(points)
+    gaps = np.abs((points - centre) @ normal)
+    near = points[gaps <= 3 * np.median(gaps) + 1e-6]
+    centre, normal = _plain_line(near)
     return np.r_[normal, -normal @ centre]
+
+
+def _plain_line(points: Array) -> tuple[Array, Array]:
+    """A point on the line and its normal."""
+    centre = points.mean(0)
+    return centre, np.linalg.eigh((points - centre).T @ (points - centre))[1][:, 0]
 
 
 def _meeting(first: Array, second: Array) -> Array:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from tr_grasp.geometry import invert_transform, transform_from
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
+"""Of any number: pictures and pixels too."""
 
 
 def small_motion(T: Array) -> Array:

@@ -21,10 +21,10 @@ USAGE = """Train every run of a study with several seeds, judge all on the same 
 
   tr-grasp study STUDY [--seeds N] [--episodes N] [--suite SUITE] [--out DIR] [--SETTING VALUE ...]
 
-STUDY: {studies}, or a YAML file with `question:` and `runs:`. --seeds (1) trains with the seeds 0 .. N-1, --episodes (200)
-and --suite (scattered; single, pile, all) judge, --out (runs/studies/STUDY) keeps everything. Settings change all runs
-alike. Called again, it goes on where it was; what is finished is not repeated. The table is printed and kept in
-summary.json, the training curves in curves.png.
+STUDY: {studies}, or a YAML file with `question:` and `runs:`. --seeds (1) trains with the seeds 0 .. N-1;
+--episodes (200) and --suite (scattered; single, pile, all) judge; --out (runs/studies/STUDY) keeps everything. Settings
+change all runs alike. Called again, it goes on where it was; what is finished is not repeated. The table is printed and
+kept in summary.json, the training curves in curves.png.
 """
 
 

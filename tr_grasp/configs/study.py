@@ -29,7 +29,9 @@ def study_names() -> list[str]:
 
 
 def load_study(name_or_path: str | Path) -> Study:
-    """Read a study::
+    """Read a study.
+
+    A file looks like this::
 
         question: Does colour help?
         runs:
