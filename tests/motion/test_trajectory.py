@@ -53,8 +53,10 @@ def test_a_rest_is_what_is_left(seed: int, share: float) -> None:
     rest = whole.cut(start)
     times = np.linspace(0, rest.duration_s, 50)
     assert rest.duration_s == pytest.approx(whole.duration_s - start)
-    assert np.allclose(rest.sample(times).q, whole.sample(times + start).q, atol=1e-9)
-    assert np.allclose(rest.sample(times).dq, whole.sample(times + start).dq, atol=1e-7)
+    # A rounding beyond the end is at rest already.
+    later = np.minimum(times + start, whole.duration_s)
+    assert np.allclose(rest.sample(times).q, whole.sample(later).q, atol=1e-9)
+    assert np.allclose(rest.sample(times).dq, whole.sample(later).dq, atol=1e-7)
 
 
 @given(seed=st.integers(0, 50), share=st.floats(0.05, 0.95))
