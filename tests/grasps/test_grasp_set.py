@@ -12,7 +12,7 @@ from tr_grasp.evaluation.statistics import Counts, wilson_interval
 from tr_grasp.grasps import (
     GraspSet,
     contact_sheet,
-    grasp_set,
+    robot_model,
     shape_key,
     shipped_grasp_set,
     shipped_objects,
@@ -113,6 +113,6 @@ def test_the_grasps_of_task_two_come_with_the_package():
 
 def test_the_key_forgets_the_digits_that_another_order_of_sums_would_change():
     text = '<origin xyz="-0 0.1000000001 -1e-17" rpy="1.5707963 2 0"/>'
-    assert grasp_set._NUMBER.sub(grasp_set._rounded, text) == (
+    assert robot_model._NUMBER.sub(robot_model._rounded, text) == (
         '<origin xyz="0.00000 0.10000 0.00000" rpy="1.57080 2.00000 0.00000"/>'
     )

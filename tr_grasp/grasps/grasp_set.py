@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +17,13 @@ from tr_grasp.errors import GraspError, unknown_name
 from tr_grasp.files import write_atomically
 from tr_grasp.grasps.grippers import floating_gripper
 from tr_grasp.grasps.poses import Grasps
+from tr_grasp.grasps.robot_model import model_text
 from tr_grasp.objects import ObjectModel
-from tr_grasp.robots import RobotSpec, urdf_text
 
 Array = NDArray[np.floating]
 FORMAT = "tr_grasp.grasp_set.1"
 ENDING = ".grasps.safetensors"
 ROUNDED_TO_M = 1e-5
-_NUMBER = re.compile(r"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
 NORMAL_95 = 1.959964
 _SHIPPED = Path(__file__).parent / "sets"
 
@@ -144,16 +142,10 @@ def shape_key(model: ObjectModel, gripper: str) -> str:
     Raises:
         GraspError: No such gripper.
     """
-    hand = urdf_text(without_paths(floating_gripper(gripper)))
-    content = hashlib.sha256(_NUMBER.sub(_rounded, hand).encode())
+    content = hashlib.sha256(model_text(floating_gripper(gripper)).encode())
     for part in model.parts:
         content.update(np.round(np.asarray(part.vertices) / ROUNDED_TO_M).astype(np.int64).tobytes())
     return content.hexdigest()[:32]
-
-
-def _rounded(number: re.Match[str]) -> str:
-    """A number of a URDF without the digits that another order of the same sums would change."""
-    return f"{float(number.group()) + 0.0:.5f}".replace("-0.00000", "0.00000")
 
 
 def shipped_objects(gripper: str = "robotiq_2f85") -> tuple[str, ...]:
@@ -179,18 +171,6 @@ def wilson_lower(successes: NDArray[np.integer], tries: NDArray[np.integer]) -> 
     p, z2 = successes / n, NORMAL_95**2
     low = (p + z2 / (2 * n) - NORMAL_95 * np.sqrt(p * (1 - p) / n + z2 / (4 * n**2))) / (1 + z2 / n)
     return np.where(np.asarray(tries) > 0, np.maximum(low, 0.0), 0.0)
-
-
-def without_paths(spec: RobotSpec) -> RobotSpec:
-    """A robot with its meshes by name: where they are installed is no part of it."""
-    links = tuple(
-        replace(
-            link,
-            shapes=tuple(replace(s, mesh=None if s.mesh is None else Path(s.mesh.name)) for s in link.shapes),
-        )
-        for link in spec.links
-    )
-    return replace(spec, links=links)
 
 
 def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

@@ -18,10 +18,10 @@ from torch import Tensor
 
 from tr_grasp.errors import GraspError, MotionError, unknown_name
 from tr_grasp.files import write_atomically
-from tr_grasp.grasps.grasp_set import without_paths
 from tr_grasp.grasps.reachability.labels import Domain
 from tr_grasp.grasps.reachability.network import ArmShape, MarginNet
-from tr_grasp.robots import RobotSpec, urdf_text
+from tr_grasp.grasps.robot_model import model_text
+from tr_grasp.robots import RobotSpec
 
 Array = NDArray[np.floating]
 FORMAT = "tr_grasp.reachability.1"
@@ -139,7 +139,7 @@ class ReachabilityField:
 
 def robot_key(spec: RobotSpec) -> str:
     """What tells models of arms apart: a hash of the URDF, hand included, wherever its meshes are installed."""
-    return hashlib.sha256(urdf_text(without_paths(spec)).encode()).hexdigest()[:32]
+    return hashlib.sha256(model_text(spec).encode()).hexdigest()[:32]
 
 
 def shipped_fields() -> tuple[str, ...]:
