@@ -1,8 +1,12 @@
-"""Flags of a verb that stand beside those of the settings."""
+"""What verbs share on the command line: flags beside those of the settings, parts, files to write."""
 
 from __future__ import annotations
 
-from tr_grasp.errors import ConfigError
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from tr_grasp.errors import ConfigError, unknown_name
+from tr_grasp.files import make_folder
 
 
 def take(args: list[str], flag: str, what: str) -> tuple[str | None, list[str]]:
@@ -52,3 +56,30 @@ def device_settings(texts: tuple[str, ...]) -> dict[str, str]:
         if not name or not value:
             raise ConfigError(f"--device must be name=value, such as arm_host=192.168.0.10, got {text!r}.")
     return {name: value for name, _, value in pairs}
+
+
+def run_part(verb: str, parts: Mapping[str, Callable[[list[str]], int]], args: list[str], help_text: str) -> int:
+    """Run the part of a verb that the first argument names; without one, say which there are.
+
+    Raises:
+        ConfigError: There is no such part.
+    """
+    part, *rest = args or ["--help"]
+    if part in ("-h", "--help", "help"):
+        print(help_text)
+        return 0
+    if part not in parts:
+        raise ConfigError(f"{unknown_name(f'verb of {verb}', part, parts)} Try `tr-grasp {verb} --help`.")
+    return parts[part](rest)
+
+
+def make_room(out: Path) -> None:
+    """Make the folder of a file that is to be written.
+
+    Raises:
+        ConfigError: The file is there already.
+        StorageError: The folder cannot be made.
+    """
+    if out.exists():
+        raise ConfigError(f"--out: {out} is there already; name another file or remove it.")
+    make_folder(out.parent)

@@ -12,6 +12,7 @@ import numpy as np
 from tqdm import tqdm
 from tyro.conf import Positional
 
+from tr_grasp.cli.arguments import make_room, run_part
 from tr_grasp.cli.table import text_table
 from tr_grasp.configs.io import parse
 from tr_grasp.errors import ConfigError, GraspError, unknown_name
@@ -117,13 +118,7 @@ class GraspsReplayCfg:
 
 def main(args: list[str]) -> int:
     """Run the verb."""
-    verb, *rest = args or ["--help"]
-    if verb in ("-h", "--help", "help"):
-        print(HELP)
-        return 0
-    if verb not in _VERBS:
-        raise ConfigError(f"{unknown_name('verb of grasps', verb, _VERBS)} Try `tr-grasp grasps --help`.")
-    return _VERBS[verb](rest)
+    return run_part("grasps", _VERBS, args, HELP)
 
 
 def build(args: list[str]) -> int:
@@ -133,9 +128,7 @@ def build(args: list[str]) -> int:
         raise GraspError(unknown_name("gripper", cfg.gripper, gripper_names()))
     thing = single_object(cfg.object, scale=cfg.scale, mass_kg=cfg.mass_kg)
     out = cfg.out or Path(f"{thing.name}.{cfg.gripper}{ENDING}")
-    if out.exists():
-        raise ConfigError(f"--out: {out} is there already; name another file or remove it.")
-    make_folder(out.parent)
+    make_room(out)
     from tr_grasp.envs.grasp_trials import GraspTrials  # --help must not wait for a simulator
 
     started = time.monotonic()

@@ -8,11 +8,10 @@ from tempfile import TemporaryDirectory
 
 from tyro.conf import Positional
 
+from tr_grasp.cli.arguments import make_room, run_part
 from tr_grasp.cli.table import text_table
 from tr_grasp.configs.io import parse
-from tr_grasp.errors import ConfigError, unknown_name
 from tr_grasp.evaluation.statistics import Counts, wilson_interval
-from tr_grasp.files import make_folder
 from tr_grasp.grasps import GraspSet, TrialCfg, shipped_grasp_set, shipped_objects
 from tr_grasp.grasps.motion_aware import (
     Judgement,
@@ -93,13 +92,7 @@ class MotionEvaluateCfg:
 
 def main(args: list[str]) -> int:
     """Run the verb."""
-    verb, *rest = args or ["--help"]
-    if verb in ("-h", "--help", "help"):
-        print(HELP)
-        return 0
-    if verb not in _VERBS:
-        raise ConfigError(f"{unknown_name('verb of grasps motion', verb, _VERBS)} Try `tr-grasp grasps motion --help`.")
-    return _VERBS[verb](rest)
+    return run_part("grasps motion", _VERBS, args, HELP)
 
 
 def train(args: list[str]) -> int:
@@ -107,9 +100,7 @@ def train(args: list[str]) -> int:
     cfg = parse(MotionTrainCfg, args, prog="tr-grasp grasps motion train")
     grasps = _load(cfg.set)
     out = cfg.out or Path(f"{grasps.object_name}{ENDING}")
-    if out.exists():
-        raise ConfigError(f"--out: {out} is there already; name another file or remove it.")
-    make_folder(out.parent)
+    make_room(out)
     tries = _tries(cfg.thing, grasps, cfg.tries, cfg.trial, out.with_suffix(".tries.npz"))
     scorer, judgement = train_scorer(grasps, tries, cfg.learn)
     scorer.save(out)

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 from tyro.conf import Positional
 
+from tr_grasp.cli.arguments import make_room, run_part
 from tr_grasp.cli.grasps import StageBar
 from tr_grasp.cli.table import text_table
 from tr_grasp.configs.io import parse
-from tr_grasp.errors import ConfigError, unknown_name
+from tr_grasp.errors import ConfigError
 from tr_grasp.evaluation.statistics import Counts, wilson_interval
 from tr_grasp.files import make_folder
 from tr_grasp.geometry import matrix_from_wxyz, transform_from
@@ -98,13 +99,7 @@ class ReachabilityQueryCfg:
 
 def main(args: list[str]) -> int:
     """Run the verb."""
-    verb, *rest = args or ["--help"]
-    if verb in ("-h", "--help", "help"):
-        print(HELP)
-        return 0
-    if verb not in _VERBS:
-        raise ConfigError(f"{unknown_name('verb of reachability', verb, _VERBS)} Try `tr-grasp reachability --help`.")
-    return _VERBS[verb](rest)
+    return run_part("reachability", _VERBS, args, HELP)
 
 
 def build(args: list[str]) -> int:
@@ -112,9 +107,7 @@ def build(args: list[str]) -> int:
     cfg = parse(ReachabilityBuildCfg, args, prog="tr-grasp reachability build")
     spec = robot_spec(cfg.robot)
     out = cfg.out or Path(f"{spec.name}{ENDING}")
-    if out.exists():
-        raise ConfigError(f"--out: {out} is there already; name another file or remove it.")
-    make_folder(out.parent)
+    make_room(out)
     labels, started = out.with_name(f".{out.name}.labels.npz"), time.monotonic()
     with StageBar("pose") as bar:
         made = build_reachability(spec, cfg.build, progress=bar.update, resume_file=labels)

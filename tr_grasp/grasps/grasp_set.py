@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from tr_grasp.errors import GraspError, unknown_name
@@ -18,10 +17,11 @@ from tr_grasp.files import write_atomically
 from tr_grasp.grasps.grippers import floating_gripper
 from tr_grasp.grasps.poses import Grasps
 from tr_grasp.grasps.robot_model import model_text
+from tr_grasp.grasps.tensor_file import FileKind
 from tr_grasp.objects import ObjectModel
 
 Array = NDArray[np.floating]
-FORMAT = "tr_grasp.grasp_set.1"
+FILE = FileKind("grasp set", "tr_grasp.grasp_set.1", "build", "tr-grasp grasps build")
 ENDING = ".grasps.safetensors"
 ROUNDED_TO_M = 1e-5
 NORMAL_95 = 1.959964
@@ -115,7 +115,7 @@ class GraspSet:
         }
         text = json.dumps(facts, sort_keys=True)
         digest = _digest(tensors, text)
-        write_atomically(path, save(tensors, {"format": FORMAT, "facts": text, "sha256": digest}))
+        write_atomically(path, save(tensors, {"format": FILE.format, "facts": text, "sha256": digest}))
         return Path(path)
 
     @classmethod
@@ -174,16 +174,7 @@ def wilson_lower(successes: NDArray[np.integer], tries: NDArray[np.integer]) -> 
 
 
 def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    if not path.is_file():
-        raise GraspError(f"there is no grasp set at '{path}'; build one: tr-grasp grasps build.")
-    try:
-        with safe_open(path, "np") as file:
-            header = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 -- not a dict
-    except (SafetensorError, OSError, ValueError) as error:
-        raise GraspError(f"'{path}' is damaged or no grasp set ({error}); build it again.") from error
-    if header.get("format") != FORMAT:
-        raise GraspError(f"'{path}' is not a grasp set of this version ({FORMAT}); build it again.")
+    tensors, header = FILE.read(path, "np")
     if header.get("sha256") != _digest(tensors, header.get("facts", "")):
         raise GraspError(f"'{path}' is damaged: its content does not fit its checksum; build it again.")
     return tensors, json.loads(header["facts"])

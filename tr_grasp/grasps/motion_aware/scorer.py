@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,17 +10,15 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
 
 from tr_grasp.errors import GraspError, unknown_name
-from tr_grasp.files import write_atomically
 from tr_grasp.grasps.grasp_set import GraspSet
 from tr_grasp.grasps.motion_aware.network import QualityNet, inputs
 from tr_grasp.grasps.poses import Grasps
+from tr_grasp.grasps.tensor_file import FileKind
 
 Array = NDArray[np.floating]
-FORMAT = "tr_grasp.motion_aware.1"
+FILE = FileKind("motion-aware scorer", "tr_grasp.motion_aware.1", "train", "tr-grasp grasps motion train")
 ENDING = ".motion.safetensors"
 _SHIPPED = Path(__file__).parent / "weights"
 
@@ -92,9 +89,7 @@ class MotionAwareScorer:
             "top_mps": self.top_mps,
             "record": dict(self.record),
         }
-        weights = {name: tensor.detach().contiguous() for name, tensor in self.network.state_dict().items()}
-        write_atomically(path, save(weights, {"format": FORMAT, "facts": json.dumps(facts, sort_keys=True)}))
-        return Path(path)
+        return FILE.write_network(path, self.network, facts)
 
     @classmethod
     def load(cls, path: str | Path) -> MotionAwareScorer:
@@ -103,18 +98,7 @@ class MotionAwareScorer:
         Raises:
             GraspError: No such file, one of another kind or version, or a damaged one.
         """
-        path = Path(path)
-        if not path.is_file():
-            raise GraspError(f"there is no motion-aware scorer at '{path}'; train one: tr-grasp grasps motion train.")
-        try:
-            with safe_open(path, "pt") as file:
-                header = file.metadata() or {}
-                weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 -- not a dict
-        except (SafetensorError, OSError, ValueError) as error:
-            raise GraspError(f"'{path}' is damaged or no motion-aware scorer ({error}); train it again.") from error
-        if header.get("format") != FORMAT:
-            raise GraspError(f"'{path}' is not a motion-aware scorer of this version ({FORMAT}); train it again.")
-        facts = json.loads(header["facts"])
+        weights, facts = FILE.read_network(path)
         network = QualityNet(facts["kind"])
         network.load_state_dict(weights)
         return cls(facts["object"], facts["shape_key"], network.eval(), facts["top_mps"], facts["record"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -12,19 +11,17 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
 from torch import Tensor
 
 from tr_grasp.errors import GraspError, MotionError, unknown_name
-from tr_grasp.files import write_atomically
 from tr_grasp.grasps.reachability.labels import Domain
 from tr_grasp.grasps.reachability.network import ArmShape, MarginNet
 from tr_grasp.grasps.robot_model import model_text
+from tr_grasp.grasps.tensor_file import FileKind
 from tr_grasp.robots import RobotSpec
 
 Array = NDArray[np.floating]
-FORMAT = "tr_grasp.reachability.1"
+FILE = FileKind("reachability field", "tr_grasp.reachability.1", "build", "tr-grasp reachability build")
 ENDING = ".reachability.safetensors"
 _SHIPPED = Path(__file__).parent / "fields"
 
@@ -102,9 +99,7 @@ class ReachabilityField:
             "settings": dict(self.settings),
             "statistics": dict(self.statistics),
         }
-        weights = {name: tensor.detach().contiguous() for name, tensor in self.network.state_dict().items()}
-        write_atomically(path, save(weights, {"format": FORMAT, "facts": json.dumps(facts, sort_keys=True)}))
-        return Path(path)
+        return FILE.write_network(path, self.network, facts)
 
     @classmethod
     def load(cls, path: str | Path) -> ReachabilityField:
@@ -113,18 +108,7 @@ class ReachabilityField:
         Raises:
             GraspError: No such file, one of another kind or version, or a damaged one.
         """
-        path = Path(path)
-        if not path.is_file():
-            raise GraspError(f"there is no reachability field at '{path}'; build one: tr-grasp reachability build.")
-        try:
-            with safe_open(path, "pt") as file:
-                header = file.metadata() or {}
-                weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 -- not a dict
-        except (SafetensorError, OSError, ValueError) as error:
-            raise GraspError(f"'{path}' is damaged or no reachability field ({error}); build it again.") from error
-        if header.get("format") != FORMAT:
-            raise GraspError(f"'{path}' is not a reachability field of this version ({FORMAT}); build it again.")
-        facts = json.loads(header["facts"])
+        weights, facts = FILE.read_network(path)
         shape = {**facts["shape"], "wrist_tcp_m": tuple(facts["shape"]["wrist_tcp_m"])}
         network = MarginNet(ArmShape(**shape), len(weights["layers.0.bias"]))
         network.load_state_dict(weights)
