@@ -160,7 +160,7 @@ class _Attempt:
             finer = replace(self.cfg, resolution_rad=self.cfg.resolution_rad / fineness, seed=self.cfg.seed + i)
             path = self._around(start, goals, until - time.perf_counter(), finer)
             if path is None:
-                yield Plan(Outcome.TIMED_OUT, detail=f"{self.cfg.time_limit_s:g} s")
+                yield Plan(Outcome.TIMED_OUT, detail=self._budget)
                 return
             yield self._shortened(path, "rrt_connect", self.cfg.shortcuts_n)
 
@@ -181,6 +181,11 @@ class _Attempt:
         if not path_is_free(self.model, plan.path, self.fine_rad, self.time_s):
             return Plan(Outcome.INVALIDATED)
         return replace(plan, raw_length_rad=plan.raw_length_rad or plan.length_rad)
+
+    @property
+    def _budget(self) -> str:
+        rounds = f" or {self.cfg.rounds_n} rounds" if self.cfg.rounds_n is not None else ""
+        return f"{self.cfg.time_limit_s:g} s{rounds}"
 
     @property
     def fine_rad(self) -> float:
