@@ -23,10 +23,12 @@ SPEC = default_spec()
 CLOCK = os.environ.get("TR_GRASP_BENCH_CLOCK", "wall")
 """``wall``, or ``cpu`` for the processor's time, which other work on the same cores disturbs less."""
 
+clock: Callable[[], float] = {"wall": time.perf_counter, "cpu": time.process_time}[CLOCK]
+"""Seconds of the clock chosen."""
+
 
 def median_ms(*calls: Callable[[], Any], repeats: int = 15) -> list[float]:
     """Median time of each call. They take turns, so that another load on the machine falls on all alike."""
-    clock = {"wall": time.perf_counter, "cpu": time.process_time}[CLOCK]
     times: list[list[float]] = [[] for _ in calls]
     for repeat in range(repeats + 2):
         for call, measured in zip(calls, times, strict=True):

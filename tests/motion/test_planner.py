@@ -181,6 +181,17 @@ def test_a_posture_that_is_blocked_gives_way_to_another(ur5: Kinematics) -> None
     assert ur5.pose(path[-1]) == pytest.approx(LEFT, abs=1e-4)
 
 
+def test_a_plan_to_a_posture_that_is_lost_is_forgotten(ur5: Kinematics) -> None:
+    nearest, *others = inverse_kinematics(ur5, LEFT, READY).all_of()
+    model = CollisionModel(ur5, [box("at the elbow", (0.05,) * 3, at(*ur5.joint_positions(nearest)[3]))])
+    start = next(q for q in others if model.free(q)[0]) + turned(-0.3) - READY
+    # Wound up by a turn, as a plan may be that came from elsewhere: its end is no reference for the postures left.
+    before = Plan(Outcome.OK, np.stack([start, nearest + np.array([0, 0, 0, 0, 0, 2 * np.pi])]))
+    fresh, after = (Planner(model, PATIENT).plan(start, LEFT, previous=past) for past in (None, before))
+    assert after.how == fresh.how
+    assert np.array_equal(assert_good(after, model, start), fresh.path)
+
+
 def test_what_is_in_collision_is_named(ur5: Kinematics, post_scene: CollisionModel) -> None:
     planner = Planner(post_scene)
     inside = inverse_kinematics(ur5, IN_THE_POST).q_rad
