@@ -10,6 +10,7 @@ import numpy as np
 from tr_grasp.envs.sapien_station import SapienStation
 from tr_grasp.envs.sapien_world import PHYSICS_HZ, Touch
 from tr_grasp.envs.things import Thing
+from tr_grasp.errors import ConfigError
 from tr_grasp.geometry import rotation_about_z, transform_from
 from tr_grasp.objects.bottle import bottle
 from tr_grasp.pick_place import StationCfg
@@ -17,6 +18,7 @@ from tr_grasp.pick_place.scene import pose_of_box
 from tr_grasp.sensing import PinholeCamera
 
 OBJECT = "object"
+EYE_M, EYE_FOV_RAD, EYE_PX = np.array([0.45, -0.25, 0.85]), 0.5, 240
 PUSHED_M = 1e-3
 """The bottle starts this much above what it stands on."""
 
@@ -65,6 +67,18 @@ def pick_place_world(
     if cfg.home_q_rad:
         station.arm.place(cfg.home_q_rad)
     return station
+
+
+def look_camera(cfg: StationCfg) -> PinholeCamera:
+    """A camera that looks down, a little from the side, at where the object is to be found.
+
+    Raises:
+        ConfigError: The station does not say where that is.
+    """
+    if cfg.search_m is None:
+        raise ConfigError("the station has no search_m, the region in which to look.")
+    middle = np.mean(cfg.search_m, axis=0)
+    return PinholeCamera.looking_at(middle + EYE_M, middle, EYE_FOV_RAD, EYE_PX)
 
 
 def judge(station: SapienStation, cfg: StationCfg) -> Verdict:

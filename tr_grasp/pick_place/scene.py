@@ -86,8 +86,8 @@ class PlanningScene:
 
     def _holding(self) -> RobotSpec:
         """The robot with one more link, the object."""
-        o, grasp = self.station.object, self._grasp
-        T_tcp_object = invert_transform(self.goal(grasp)) @ o.T_base_object
+        o = self.station.object
+        T_tcp_object = self._T_tcp_object
         height = max(o.height_m - 2 * MARGIN_M, o.height_m / 2)
         rpy = _rpy(T_tcp_object[:3, :3])
         x, y, z = T_tcp_object[:3, 3]
@@ -99,11 +99,31 @@ class PlanningScene:
         )
 
     @property
-    def _grasp(self) -> str:
-        """Name of the pose at which the fingers close."""
-        stages = self.station.stages
-        closing = next(i for i, stage in enumerate(stages) if stage.do == "close")
-        return next((stage.to for stage in reversed(stages[:closing])), HOME)
+    def _T_tcp_object(self) -> Array:
+        """(4, 4) the object in the hand, as it is grasped."""
+        return invert_transform(self.goal(self.station.grasp)) @ self.station.object.T_base_object
+
+    def regrasped(self, T_base_tcp: Array, T_base_object: Array) -> StationCfg:
+        """The station with another grasp of an object that was seen; it is put where the taught motion puts it.
+
+        The object is one of revolution. At its place it is turned about its own axis so that the hand is turned as
+        little as possible from the taught pose.
+
+        Args:
+            T_base_tcp: (4, 4) the hand at the grasp.
+            T_base_object: (4, 4) the middle of the object's height.
+        """
+        cfg = self.station
+        taught = self.goal(cfg.place)
+        T_base_placed, T_object_tcp = taught @ self._T_tcp_object, invert_transform(T_base_object) @ T_base_tcp
+        # The trace of R_taughtᵀ R_placed Rz(turn) R_object_tcp is largest for this turn.
+        M = T_object_tcp[:3, :3] @ taught[:3, :3].T @ T_base_placed[:3, :3]
+        turn = np.arctan2(M[0, 1] - M[1, 0], M[0, 0] + M[1, 1])
+        place = T_base_placed @ transform_from(rotation_about_z(turn), np.zeros(3)) @ T_object_tcp
+        T_tcp_link = invert_transform(self._T_link_tcp)
+        x, y, _ = T_base_object[:3, 3]
+        moved = cfg.with_poses({cfg.grasp: T_base_tcp @ T_tcp_link, cfg.place: place @ T_tcp_link})
+        return moved.with_object_at(x, y)
 
 
 def pose_of_box(b: BoxCfg) -> Array:
