@@ -18,9 +18,11 @@ def test_a_dry_run_plans_all_stages_and_moves_nothing(capsys):
     [
         (["--station", "thesys"], "thesis"),
         (["--trials", "0"], "--trials must be 1 or more"),
-        (["--trials", "2", "--dry-run", "True"], "--trials counts simulated, blind ones"),
+        (["--trials", "2", "--dry-run", "True"], "--trials counts simulated ones"),
         (["--arm", "ur5", "--strip", "x.png"], "--strip and --view draw a simulation"),
         (["--find", "luck"], "--find"),
+        (["--grasp", "top_down"], "--grasp top_down needs --find camera"),
+        (["--find", "camera", "--grasp-set", "x"], "--grasp-set is for --grasp grasp_set"),
     ],
 )
 def test_a_mistake_is_one_sentence(args, sentence, capsys):

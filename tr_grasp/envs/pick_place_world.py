@@ -19,6 +19,7 @@ from tr_grasp.sensing import PinholeCamera
 
 OBJECT = "object"
 EYE_M, EYE_FOV_RAD, EYE_PX = np.array([0.45, -0.25, 0.85]), 0.5, 240
+UPRIGHT = np.cos(np.radians(20.0))
 PUSHED_M = 1e-3
 """The bottle starts this much above what it stands on."""
 
@@ -31,11 +32,13 @@ class Verdict:
         placed: The object's middle is inside the goal.
         touches: Of the robot or the object's holder on what must not be touched.
         object_m: (3,) where the object's middle is.
+        upright: Its axis leans by less than 20 degrees.
     """
 
     placed: bool
     touches: tuple[Touch, ...]
     object_m: tuple[float, float, float]
+    upright: bool
 
 
 def pick_place_world(
@@ -83,9 +86,10 @@ def look_camera(cfg: StationCfg) -> PinholeCamera:
 
 def judge(station: SapienStation, cfg: StationCfg) -> Verdict:
     """Where the object is now and what was touched since the report of touches began."""
-    middle = station.world.true_pose(OBJECT)[:3, 3]
+    T = station.world.true_pose(OBJECT)
+    middle = T[:3, 3]
     inside = cfg.goal_m is not None and all(
         low <= value <= high for value, low, high in zip(middle, *cfg.goal_m, strict=True)
     )
     touches = tuple(touch for touch in station.world.touches if touch.thing in cfg.not_to_touch)
-    return Verdict(bool(inside), touches, tuple(np.round(middle, 4).tolist()))
+    return Verdict(bool(inside), touches, tuple(np.round(middle, 4).tolist()), bool(T[2, 2] > UPRIGHT))

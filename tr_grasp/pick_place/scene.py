@@ -58,9 +58,12 @@ class PlanningScene:
     @cached_property
     def before_grip(self) -> CollisionModel:
         """The empty hand among all boxes and the object."""
-        o = self.station.object
-        bottle = box("object", (2 * o.radius_m, 2 * o.radius_m, o.height_m), o.T_base_object)
-        return CollisionModel(self.empty_hand, [*self._boxes, bottle])
+        return self._with_object(self.station.object.T_base_object)
+
+    @cached_property
+    def after_release(self) -> CollisionModel:
+        """The empty hand among all boxes and the object at its place."""
+        return self._with_object(self.goal(self.station.place) @ self._T_tcp_object)
 
     @cached_property
     def at_object(self) -> CollisionModel:
@@ -71,6 +74,11 @@ class PlanningScene:
     def full_hand(self) -> CollisionModel:
         """The hand with the object in it, as the taught grasp holds it, among all boxes."""
         return CollisionModel(Kinematics(self._holding(), 2 * self.station.object.radius_m), self._boxes)
+
+    def _with_object(self, T_base_object: Array) -> CollisionModel:
+        o = self.station.object
+        bottle = box("object", (2 * o.radius_m, 2 * o.radius_m, o.height_m), T_base_object)
+        return CollisionModel(self.empty_hand, [*self._boxes, bottle])
 
     @cached_property
     def _boxes(self) -> list[Obstacle]:

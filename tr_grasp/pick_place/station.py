@@ -37,6 +37,9 @@ class PoseCfg:
     back_off_m: float = 0.0
     """How far the hand is drawn back against its own z, the direction of approach."""
 
+    lift_m: float = 0.0
+    """How far it is raised along z of the base."""
+
     def __post_init__(self) -> None:
         own = self.position_m is not None and self.orientation_xyzw is not None
         none = self.position_m is None and self.orientation_xyzw is None
@@ -50,7 +53,8 @@ class PoseCfg:
                 abs(length - 1) < UNIT_TOLERANCE,
                 f"orientation_xyzw must be a unit quaternion, got {list(self.orientation_xyzw)} of length {length:.3f}",
             )
-        require(self.back_off_m >= 0, f"back_off_m must not be negative, got {self.back_off_m}")
+        for name in ("back_off_m", "lift_m"):
+            require(getattr(self, name) >= 0, f"{name} must not be negative, got {getattr(self, name)}")
 
     @classmethod
     def of(cls, T_base_link: Array) -> PoseCfg:
@@ -202,16 +206,17 @@ class StationCfg:
 
     def T_base_link(self, name: str) -> Array:
         """(4, 4) of a named pose, derived ones worked out."""
-        back_off, seen = 0.0, [name]
+        back_off, lift, seen = 0.0, 0.0, [name]
         pose = self.poses[name]
         while pose.like is not None:
-            back_off += pose.back_off_m
+            back_off, lift = back_off + pose.back_off_m, lift + pose.lift_m
             require(pose.like in self.poses, f"poses.{name}: {unknown_name('pose', pose.like, self.poses)}")
             require(pose.like not in seen, f"poses.{name}: is derived from itself, by way of {' and '.join(seen)}")
             seen.append(pose.like)
             pose = self.poses[pose.like]
         T = pose.matrix()
         T[:3, 3] -= (back_off + pose.back_off_m) * T[:3, 2]
+        T[2, 3] += lift + pose.lift_m
         return T
 
     def with_object_at(self, x_m: float, y_m: float) -> StationCfg:
