@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tr_grasp.errors import HardwareError
 from tr_grasp.hardware import Ending, Result, Station, finish
+from tr_grasp.motion import Trajectory
 from tr_grasp.pick_place.outcome import StageRecord, TaskOutcome, TaskResult
 from tr_grasp.pick_place.plan import PlannedStage, TaskPlan, plan_stages
 from tr_grasp.pick_place.scene import PlanningScene
@@ -22,6 +23,8 @@ GRASPS_N = 8
 """Grasps that are planned for, of those that looking gives."""
 EACH_S = 6.0
 SETTLE_S = 0.3
+ARRIVED_RAD, ARRIVAL_LOOKS_N = 0.02, 10
+"""A joint this near to where its motion ends has arrived; so often it is looked at while it settles."""
 DEEPER_M = 0.010
 LONGEST_S = 60.0
 
@@ -132,12 +135,23 @@ class BlindPickPlace:
     def _carry_out(self, step: PlannedStage) -> Result:
         devices = self.devices
         if step.trajectory is not None:
-            return finish(devices.arm.move(step.trajectory), devices.world, limit_s=step.duration_s + LONGEST_S)
+            result = finish(devices.arm.move(step.trajectory), devices.world, limit_s=step.duration_s + LONGEST_S)
+            return self._arrived(step.trajectory) if result.succeeded else result
         low, high = devices.gripper.opening_range_m
         goal_m = max(low, 0.0) if step.stage.do == "close" else high
         result = finish(devices.gripper.move(goal_m, force_n=self.cfg.grip_force_n), devices.world, limit_s=LONGEST_S)
         devices.world.wait(SETTLE_S)
         return result
+
+    def _arrived(self, trajectory: Trajectory) -> Result:
+        """Whether the arm stands where a motion ends: one that somebody halted may have been led there in vain."""
+        away = np.inf
+        for _ in range(ARRIVAL_LOOKS_N):
+            away = float(np.abs(self.devices.arm.state().q_rad - trajectory.q_rad[-1]).max())
+            if away < ARRIVED_RAD:
+                return Result(Ending.DONE)
+            self.devices.world.wait(SETTLE_S / ARRIVAL_LOOKS_N)
+        return Result(Ending.FAULT, f"a joint is {away:.3g} rad from where it was told to be")
 
     def _judge(self, step: PlannedStage, result: Result, holding: bool) -> TaskOutcome | None:
         """What went wrong in a stage, if anything did."""
