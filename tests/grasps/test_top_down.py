@@ -101,7 +101,7 @@ def test_the_finger_footprint_is_the_slow_maximum(seed, first, extra):
 
 def test_a_map_of_points_is_what_the_points_show_with_gaps_between_them_closed():
     """A plate of 40 x 20 mm, 30 mm over a table at 0.1 m, in points 3 mm apart; one pixel was lost."""
-    x, y = np.meshgrid(np.arange(-0.02, 0.0201, 0.003), np.arange(-0.01, 0.0101, 0.003), indexing="ij")
+    x, y = np.meshgrid(np.linspace(-0.02, 0.02, 15), np.linspace(-0.01, 0.01, 8), indexing="ij")
     points = np.stack([x.ravel() + 0.5, y.ravel(), np.full(x.size, 0.13)], axis=1)
     points = np.delete(points, len(points) // 2, axis=0)
     seen = height_map_of_points(points, (0.5, 0.0), 0.1, CELL, table_m=0.1)
@@ -112,4 +112,4 @@ def test_a_map_of_points_is_what_the_points_show_with_gaps_between_them_closed()
     assert (seen.owner[~high] == -1).all()
     i, j = np.nonzero(high)
     middle = np.array(seen.origin_m) + CELL * np.array([i.mean(), j.mean()])
-    assert middle == pytest.approx([0.5, 0.0], abs=CELL / 2)
+    assert middle == pytest.approx([0.5, 0.0], abs=0.6 * CELL)
