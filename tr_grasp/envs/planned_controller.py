@@ -25,7 +25,7 @@ from tr_grasp.robots.agents import CartesianController, CartesianControllerConfi
 from tr_grasp.robots.spec import robot_spec
 
 SEARCH = PlannerCfg(rounds_n=750, time_limit_s=20.0)
-"""The thesis allowed RRT-Connect 0.1 s; rounds instead, about as many, so that episodes repeat exactly."""
+"""The thesis allowed RRT-Connect 0.1 s; rounds instead, about as many, so that no outcome depends on the machine."""
 TABLE_TOP_M = -0.002
 """A little under the real one: fingertips that rest on the table are no collision."""
 STILL_RAD_S = 1e-3
