@@ -67,6 +67,10 @@ class DemonstrationCfg:
     gripper_flip_probability: float = 0.05
     """Chance of opening instead of closing, or the reverse, in a step."""
 
+    wander_steps: int = 4
+    """An episode begins with up to so many random motions, so that its states are not all near the grasp, from which
+    nobody can learn to find it."""
+
     episode_steps: int = 20
     """Demonstration episodes are cut here."""
 
