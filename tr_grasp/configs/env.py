@@ -62,8 +62,9 @@ class ObjectsCfg:
     """What is to be grasped and how it lies."""
 
     source: str = "procedural"
-    """``procedural``; a folder of meshes in the package's layout, that of ManiSkill's YCB or of Google Scanned Objects;
-    or the name of one in the folder that the variable TR_GRASP_OBJECTS names."""
+    """``procedural``; ``procedural_wide``, which has families that are wider than a hand besides; a folder of meshes in
+    the package's layout, that of ManiSkill's YCB or of Google Scanned Objects; or the name of one in the folder that
+    the variable TR_GRASP_OBJECTS names."""
 
     overlap: Literal["refuse", "leave_out"] = "refuse"
     """A folder with the same object in both splits: refuse it, or leave that object out of the test split."""
