@@ -82,7 +82,7 @@ class DemonstrationCfg:
 class ImitationCfg:
     """Behaviour-cloning term on expert labels, beside the reinforcement losses."""
 
-    pretrain_updates: int = 1_500
+    pretrain_updates: int = 2_000
     """Updates with the imitation loss alone, before anything is collected."""
 
     weight_initial: float = 2.0
@@ -94,7 +94,7 @@ class ImitationCfg:
     decay_env_steps: int = 10_000
     """Environment steps over which the weight changes linearly."""
 
-    localisation_weight: float = 1.0
+    localisation_weight: float = 3.0
     """Weight of predicting, from the features, where the expert's grasp lies; it falls with the imitation weight."""
 
     states: Literal["demonstrations", "all"] = "demonstrations"
