@@ -14,7 +14,7 @@ from tr_grasp.grasps import Grasps, GraspSet, shape_key
 from tr_grasp.hardware import KinematicFake
 from tr_grasp.objects.bottle import bottle
 from tr_grasp.pick_place import BlindPickPlace, Perception, PlanningScene, PoseCfg, TaskOutcome, read_station
-from tr_grasp.pick_place.perceive import from_above, object_points, object_pose
+from tr_grasp.pick_place.perceive import all_around, from_above, object_points, object_pose
 from tr_grasp.robots import robot_spec
 from tr_grasp.sensing import PinholeCamera
 
@@ -176,3 +176,14 @@ def test_what_cannot_work_is_refused_before_looking(cfg, camera):
         Perception(thin, devices(eye), T, "grasp_set", side_grasps())
     with pytest.raises(GraspError, match="for gripper 'rg2', not 'kg3'"):
         Perception(cfg, devices(eye), T, "grasp_set", side_grasps(gripper="rg2"))
+
+
+def test_a_grasp_of_a_body_of_revolution_counts_in_all_turns_about_its_axis():
+    known = side_grasps().subset(np.arange(1))
+    turned = all_around(known)
+    assert len(turned) == len(turned.tries) == 8
+    inwards = turned.grasps.approach()
+    angles = np.sort(np.arctan2(inwards[:, 1], inwards[:, 0]) % (2 * np.pi))
+    assert np.diff(angles) == pytest.approx(np.pi / 4)
+    for k in range(8):  # each stands off the axis as far as the one that it came from
+        assert turned.grasps.position_m[k] == pytest.approx(-0.01 * inwards[k], abs=1e-9)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tr_grasp.errors import ConfigError
-from tr_grasp.geometry import rotation_about_z, transform_from
+from tr_grasp.geometry import rotation_about_z, transform_from, wxyz_from_matrix
 from tr_grasp.grasps import (
+    Grasps,
     GraspSet,
     gripper_of,
     gripper_shape,
@@ -38,6 +39,9 @@ MAP_SIDE_M, CELL_M = 0.30, 0.004
 SHAPE_POINTS_N = 6000
 LEAST_FITNESS, LARGEST_RMSE_M = 0.85, 0.004
 SHIPPED_OBJECT = "bottle"
+TURNS_N = 8
+LOOKED_AT_N = 40
+"""Grasps, best first, of which it is asked whether they can be carried to the place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +121,7 @@ class Perception:
         reachable = hands[self._in_reach(hands)]
         if not len(reachable):
             return f"none of the {len(hands)} grasps from above can be reached"
-        return [self._regrasped(T, T[0, 3], T[1, 3]) for T in reachable]
+        return self._carried([self._regrasped(T, T[0, 3], T[1, 3]) for T in reachable[:LOOKED_AT_N]])
 
     def _from_set(self, image: RGBDImage) -> Candidates:
         assert self.grasps is not None
@@ -125,12 +129,12 @@ class Perception:
         if isinstance(T_base_model, str):
             return T_base_model
         q, arm = np.asarray(self.devices.arm.commanded().q, float), self._scene.empty_hand
-        aids = RankingAids(collisions=self._scene.at_object)
-        order = rank_grasps(arm, self.grasps, T_base_model, q, "ours", self._back_off_m, aids)
-        hands = T_base_model @ self.grasps.grasps.poses()[order]
-        if not len(hands):
+        aids, known = RankingAids(collisions=self._scene.at_object), all_around(self.grasps)
+        order = rank_grasps(arm, known, T_base_model, q, "ours", self._back_off_m, aids)[:LOOKED_AT_N]
+        if not len(order):
             return f"none of the {len(self.grasps)} grasps of the set can be reached"
-        return [self._regrasped(T, *T_base_model[:2, 3]) for T in hands]
+        hands = T_base_model @ known.grasps.poses()[order]
+        return self._carried([self._regrasped(T, *T_base_model[:2, 3]) for T in hands])
 
     def _in_reach(self, T_base_tcp: Array) -> NDArray[np.bool_]:
         """(n,) whether hands (n, 4, 4), and those backed off from them, have a posture without contact."""
@@ -141,6 +145,14 @@ class Perception:
         free = found.found.copy()
         free[free] = scene.at_object.free(found.q_rad[free])
         return free.reshape(2, -1).all(axis=0)
+
+    def _carried(self, stations: Sequence[StationCfg]) -> Candidates:
+        """Those whose hand reaches the place as well."""
+        scene = self._scene
+        places = np.stack([scene.tool(station.T_base_link(station.place)) for station in stations])
+        found = inverse_kinematics(scene.empty_hand, places, scene.home_q).found
+        kept = [station for station, reached in zip(stations, found, strict=True) if reached]
+        return kept or f"{len(stations)} grasps can be reached, but none can be carried to the place"
 
     def _regrasped(self, T_base_tcp: Array, x_m: float, y_m: float) -> StationCfg:
         return self._scene.regrasped(T_base_tcp, self.cfg.with_object_at(x_m, y_m).object.T_base_object)
@@ -186,6 +198,15 @@ def object_pose(image: RGBDImage, T_base_cam: Array, cfg: StationCfg) -> Array |
             f"{1e3 * found.rmse_m:.1f} mm off"
         )
     return found.T_cloud_shape
+
+
+def all_around(grasps: GraspSet) -> GraspSet:
+    """Each grasp in all turns about the object's axis: the object is one of revolution, so they hold alike."""
+    turns = [transform_from(rotation_about_z(k * 2 * np.pi / TURNS_N), np.zeros(3)) for k in range(TURNS_N)]
+    T = np.concatenate([turn @ grasps.grasps.poses() for turn in turns])
+    every = np.tile(np.arange(len(grasps)), TURNS_N)
+    turned = Grasps(T[:, :3, 3], wxyz_from_matrix(T[:, :3, :3]), grasps.grasps.width_m[every])
+    return replace(grasps.subset(every), grasps=turned)
 
 
 def from_above(position_m: Array, yaw_rad: float) -> Array:

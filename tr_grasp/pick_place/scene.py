@@ -53,7 +53,11 @@ class PlanningScene:
 
     def goal(self, name: str) -> Array:
         """Joints (dof,) of home, or ``T_base_tcp`` (4, 4) of a named pose."""
-        return self.home_q if name == HOME else self.station.T_base_link(name) @ self._T_link_tcp
+        return self.home_q if name == HOME else self.tool(self.station.T_base_link(name))
+
+    def tool(self, T_base_link: Array) -> Array:
+        """``T_base_tcp`` (4, 4) where the link whose poses are given is at ``T_base_link``."""
+        return T_base_link @ self._T_link_tcp
 
     @cached_property
     def before_grip(self) -> CollisionModel:
