@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from tr_grasp.cli import main
@@ -30,3 +32,19 @@ def test_a_mistake_is_one_sentence(args, sentence, capsys):
     error = capsys.readouterr().err
     assert sentence in error
     assert error.count("\n") == 1
+
+
+def test_trials_that_are_on_file_are_not_run_again_and_others_are_not_mixed_with_them(tmp_path, capsys):
+    trial = {"shift_m": [0.004, -0.002], "yaw_rad": 1.0, "outcome": "DONE", "reason": "all stages were carried out"}
+    trial |= {"placed": True, "upright": True, "touches_n": 0, "force_n": 0.0, "cycle_s": 20.0, "retries_n": 0}
+    what = {"station": "thesis", "grasp": "blind", "largest_shift_m": 0.01, "retries": 2}
+    rows = tmp_path / "rows.jsonl"
+    rows.write_text("".join(json.dumps(what | trial | {"seed": seed}) + "\n" for seed in (0, 1)))
+    args = ["pick-place", "--trials", "2", "--out", str(rows)]
+    assert main([*args, "--shift-m", "0.01"]) == 0
+    assert "2 of 2 placed" in capsys.readouterr().out
+    assert main([*args, "--shift-m", "0.02"]) == 2
+    assert "trials with other settings" in capsys.readouterr().err
+    rows.write_text("nothing")
+    assert main([*args, "--shift-m", "0.01"]) == 2
+    assert "holds no trials of pick and place" in capsys.readouterr().err

@@ -25,7 +25,7 @@ def many(cfg: PickPlaceCfg, station: StationCfg) -> int:
     from tr_grasp.evaluation.statistics import Counts, wilson_interval
 
     grasp = cfg.grasp if cfg.find == "camera" else None
-    what = {"station": cfg.station, "grasp": grasp or "blind", "shift_m": cfg.shift_m, "retries": cfg.retries}
+    what = {"station": cfg.station, "grasp": grasp or "blind", "largest_shift_m": cfg.shift_m, "retries": cfg.retries}
     seeds = range(cfg.seed, cfg.seed + cfg.trials)
     rows = {seed: row for seed, row in known(cfg.out, what).items() if seed in seeds}
     missing = [seed for seed in seeds if seed not in rows]
