@@ -34,6 +34,7 @@ def test_a_mistake_is_one_sentence(args, sentence, capsys):
     assert error.count("\n") == 1
 
 
+@pytest.mark.sim
 def test_trials_that_are_on_file_are_not_run_again_and_others_are_not_mixed_with_them(tmp_path, capsys):
     trial = {"shift_m": [0.004, -0.002], "yaw_rad": 1.0, "outcome": "DONE", "reason": "all stages were carried out"}
     trial |= {"placed": True, "upright": True, "touches_n": 0, "force_n": 0.0, "cycle_s": 20.0, "retries_n": 0}
