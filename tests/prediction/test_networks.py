@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import save_file
 
 from tests.prediction.test_predictors import SETTINGS, saved
 from tr_grasp.errors import CheckpointError, PredictionError
 from tr_grasp.prediction import HybridPredictor, LSTMPredictor, MLPPredictor
 from tr_grasp.prediction.courses import Course, make_course
-from tr_grasp.prediction.datasets import Windows, thesis_tracks
+from tr_grasp.prediction.datasets import Windows, WindowTable, thesis_tracks
 from tr_grasp.prediction.networks import MotionLSTM, MotionMLP
 from tr_grasp.prediction.training import LearnCfg, learn
 from tr_grasp.prediction.weights import load_weights, save_weights, shipped_weights
@@ -48,6 +49,23 @@ def test_the_shortest_trajectory_of_the_thesis_has_85_windows() -> None:
     tracks = thesis_tracks("sinusoidal", 12, torch.Generator().manual_seed(0))
     assert {len(Windows.of(track).inputs) for track in tracks} <= {85, 152, 485}
     assert min(len(Windows.of(track).inputs) for track in tracks) == 85
+
+
+def test_pieces_are_windows_in_a_row_and_every_track_is_as_likely() -> None:
+    # Tracks at 0, 100 and 1000; the last is ten times as long as the others.
+    steps = ((0.0, 25), (100.0, 25), (1000.0, 250))
+    tracks = [Windows.of((start + torch.arange(float(n)))[:, None].expand(n, 3)) for start, n in steps]
+    for start, track in zip((0.0, 100.0, 1000.0), tracks, strict=True):
+        track.targets[:] = (start + torch.arange(float(len(track.inputs))))[:, None, None]
+    inputs, numbers = WindowTable(tracks).pieces(3000, 4, torch.Generator().manual_seed(0))
+    assert inputs.shape == (3000, 4, 5, 3)
+    assert (numbers[:, 1:] - numbers[:, :-1] == 1).all()
+    starts = numbers[:, 0, 0, 0]
+    for low, last in ((0.0, 6), (100.0, 6), (1000.0, 231)):
+        mine = starts[(starts >= low) & (starts < low + 300 - 200 * (low < 100))] - low
+        assert len(mine) == pytest.approx(1000, abs=120)
+        assert (mine.min(), mine.max()) == (0, pytest.approx(last, abs=2))
+        assert mine.max() <= last
 
 
 def test_a_window_is_even_and_starts_where_the_target_stood() -> None:
@@ -163,6 +181,10 @@ def test_shipped_weights_are_small_and_say_where_they_come_from(name: str) -> No
     assert path.stat().st_size < 1e6
     record = json.loads(path.with_suffix(".json").read_text())
     assert {"command", "commit", "settings", "best", "curve"} <= record.keys()
+    with safe_open(path, "pt") as file:
+        assert json.loads(file.metadata()["record"]) == {key: value for key, value in record.items() if key != "curve"}
+    assert record["command"].startswith(f"tr-grasp predict train {name}")
+    assert "dirty" not in record["commit"]
     kind = name.split("_")[0]
     load_weights(name, kind)
 

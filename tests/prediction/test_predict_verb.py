@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 import tr_grasp.cli as cli
 from tr_grasp.errors import PredictionError
-from tr_grasp.prediction import ConstantVelocityPredictor, HoldPredictor
+from tr_grasp.prediction import ConstantVelocityPredictor, GateCfg, HoldPredictor
 from tr_grasp.prediction.scores import score, thesis_loss
 from tr_grasp.prediction.tracks import SensorCfg, generated_tracks, read_track
 
@@ -56,6 +57,16 @@ def test_the_thesis_loss_of_holding_is_the_mean_square_of_the_way() -> None:
     losses = {seed: thesis_loss(HoldPredictor, "linear", 1, seed) for seed in range(3)}
     possible = [(1.2**2 + 2.2**2) / 2 * v**2 / 3 for v in (0.01, 0.03, 0.05)]
     assert all(min(abs(loss / value - 1) for value in possible) < 1e-6 for loss in losses.values())
+
+
+def test_every_track_counts_alike_in_the_thesis_loss(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A long track that stands still, and a short one at 1 m a step along x.
+    tracks = [torch.zeros(100, 3).double(), torch.arange(20.0)[:, None].double() * torch.tensor([1.0, 0, 0])]
+    monkeypatch.setattr("tr_grasp.prediction.scores.thesis_tracks", lambda *given: tracks)
+    gate = GateCfg(top_speed_m_s=100.0)
+    loss = thesis_loss(lambda: HoldPredictor(gate=gate), "linear", 2, 0)
+    # Six and eleven steps ahead, on one of three axes.
+    assert loss == pytest.approx(0.5 * (6**2 + 11**2) / 2 / 3)
 
 
 def test_a_track_is_read_from_a_file(tmp_path: Path) -> None:
@@ -117,6 +128,13 @@ def test_train_writes_weights_and_goes_on(
     assert cli.main([*args, "2", "--resume", "True"]) == 0
     assert (tmp_path / "runs/predict/mlp_linear-0/mlp_linear.safetensors").is_file()
     assert "holds a training already" in capsys.readouterr().err
+    evaluate = ["predict", "evaluate", "--predictors", "mlp", "--track", str(line_csv(tmp_path)), "--horizons", "1"]
+    assert cli.main(evaluate) == 0
+    shipped = capsys.readouterr().out
+    assert cli.main([*evaluate, "--weights", "runs/predict/{name}-0/{name}.safetensors"]) == 0
+    assert capsys.readouterr().out != shipped
+    assert cli.main([*evaluate, "--weights", "runs/predict/{name}-7/{name}.safetensors"]) == 2
+    assert "no weights at 'runs/predict/mlp_linear-7/mlp_linear.safetensors'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
