@@ -50,7 +50,7 @@ class TrainCfg:
     """200 as in the thesis, 120 for the hybrid."""
 
     tracks: int | None = None
-    """Trajectories to learn from: 2000 as in the thesis, 400 for the hybrid."""
+    """Trajectories to learn from: 2000 as in the thesis, 2500 for the hybrid."""
 
     learning_rate: float = 1e-3
     """Of Adam."""

@@ -22,16 +22,15 @@ from tr_grasp.prediction.datasets import (
 )
 from tr_grasp.prediction.hybrid import features_n
 from tr_grasp.prediction.networks import MotionLSTM, MotionMLP, ResidualNet
+from tr_grasp.prediction.scores import PROBABLE_95
 
 BATCH_N = 1000
 SEQUENCE_N = 85
 """Windows of the shortest trajectory of the thesis' data; longer ones are cut into pieces of this length."""
 VALIDATION_N = 60
-"""Tracks left out, or a tenth if that is less."""
-TRACKS_N = 400
+"""Tracks of the thesis' data that are left out, or a tenth if that is less."""
+TRACKS_N = 2500
 """Tracks of the hybrid's data."""
-PROBABLE_68 = 3.506
-"""Squared Mahalanobis distance within which 68 % of a normal distribution in space lies."""
 Progress = Callable[[Iterable[Any], int], Iterable[Any]]
 """Shows how far one is in an iterable of that many."""
 
@@ -127,7 +126,7 @@ class HybridCourse(Course):
     def __init__(self, motion: str, seed: int, tracks_n: int = TRACKS_N, progress: Progress | None = None) -> None:
         tracks: Iterable[Corrections] = corrections(tracks_n, seed)
         data = list(progress(tracks, tracks_n) if progress else tracks)
-        border = left_out(len(data))
+        border = max(1, len(data) // 10)
         self._train, self._validation = joined(data[border:]), joined(data[:border])
         network, features = ResidualNet(features_n()), self._train.features
         network.mean.copy_(features.mean(0))
@@ -146,9 +145,13 @@ class HybridCourse(Course):
 
     @torch.no_grad()
     def settings(self) -> dict[str, Any]:
-        """By how much the deviations have to grow for 68 % of the truth to be within the 68 % ellipsoid."""
+        """By how much the deviations have to grow for 95 % of the truth to be within the 95 % ellipsoid.
+
+        Errors have longer tails than a normal distribution, since nobody foresees the start of a turn; so the ellipsoid
+        that a chance constraint uses is made right, and the 68 % ellipsoid holds more than 68 %.
+        """
         normal, _ = self._normal_errors(self._validation)
-        return {"inflation": float((normal.square().sum(-1).quantile(0.68) / PROBABLE_68).sqrt())}
+        return {"inflation": float((normal.square().sum(-1).quantile(0.95) / PROBABLE_95).sqrt())}
 
     def _loss(self, data: Corrections) -> Tensor:
         normal, spread = self._normal_errors(data)
@@ -204,7 +207,7 @@ def make_course(name: str, seed: int, tracks_n: int | None = None, progress: Pro
     Args:
         name: Of the weights.
         seed: Decides data and the first weights.
-        tracks_n: How many trajectories; 2000 as in the thesis, 400 for the hybrid.
+        tracks_n: How many trajectories; 2000 as in the thesis, 2500 for the hybrid.
         progress: Shows how far the hybrid's data is, which takes minutes.
 
     Raises:
