@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -209,6 +210,22 @@ def test_a_resumed_training_ends_like_one_that_never_stopped(name: str, tmp_path
         learn(name, small(name), LearnCfg(3), tmp_path / "none", provenance={}, resume=True)
     with pytest.raises(CheckpointError, match="is of the training"):
         learn(name, small(name), LearnCfg(3, seed=9), tmp_path / "whole", provenance={}, resume=True)
+
+
+def test_the_learning_rate_falls_from_epoch_to_epoch(tmp_path: Path) -> None:
+    course, places = small("mlp_linear"), []
+    course.steps_n = 1
+
+    def report(*_: object) -> None:
+        places.append(torch.nn.utils.parameters_to_vector(course.network.parameters()).detach().clone())
+
+    report()
+    learn("mlp_linear", course, LearnCfg(3, decay=0.1), tmp_path, provenance={}, report=report)
+    farthest = [float((after - before).abs().max()) for before, after in pairwise(places)]
+    # Adam's first step is as long as the learning rate, and no later one much longer.
+    assert farthest[0] == pytest.approx(1e-3, rel=1e-3)
+    assert farthest[1] < 1.5e-4
+    assert farthest[2] < 1.5e-5
 
 
 def test_the_hybrid_learns_and_predicts(tmp_path: Path) -> None:

@@ -78,12 +78,23 @@ def test_a_track_is_read_from_a_file(tmp_path: Path) -> None:
     assert yaws == pytest.approx([0.01])
 
 
+def test_a_track_from_a_spreadsheet_is_read_too(tmp_path: Path) -> None:
+    path = line_csv(tmp_path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n").replace(b"t,x,y", b"t, x, y"))
+    assert read_track(path).positions.shape == (40, 3)
+
+
 @pytest.mark.parametrize(
     ("rows", "head", "sentence"),
     [
         (["0,0,0"] * 12, "t,x,y", "lacks z: its columns must be"),
         ([f"{i},0,0,0" for i in range(5)], "t,x,y,z", "has 5 rows; at least 10"),
-        ([f"{i % 7},0,0,0" for i in range(12)], "t,x,y,z", "t must rise"),
+        ([], "", "lacks t, x, y, z: its columns must be"),
+        (["0;0;0;0"] * 12, "t;x;y;z", "lacks t, x, y, z: its columns must be"),
+        ([f"{i % 7},0,0,0" for i in range(12)], "t,x,y,z", "t must rise from row to row; it does not after 6.0 s"),
+        ([f"{min(i, 9)},0,0,0" for i in range(12)], "t,x,y,z", "t must rise from row to row; it does not after 9.0 s"),
+        ([f"{i if i != 3 else 'nan'},0,0,0" for i in range(12)], "t,x,y,z", "t in line 5 must be a finite number"),
+        ([f"{i},0,left,0" for i in range(12)], "t,x,y,z", "y in line 2 must be a finite number, got 'left'"),
         ([f"{i},0,nan,0" for i in range(12)], "t,x,y,z", "y in line 2 must be a finite number"),
         ([f"{i},0,0" for i in range(12)], "t,x,y,z", "z in line 2 must be a finite number"),
     ],

@@ -53,7 +53,10 @@ class TrainCfg:
     """Trajectories to learn from: 2000 as in the thesis, 2500 for the hybrid."""
 
     learning_rate: float = 1e-3
-    """Of Adam."""
+    """Of Adam, in the first epoch."""
+
+    decay: float = 0.98
+    """Factor on it from epoch to epoch; 1 keeps it, as the peer's code does."""
 
     resume: bool = False
     """Go on with the training in the folder, exactly where it stopped."""
@@ -135,7 +138,7 @@ def train(cfg: TrainCfg, command: str) -> int:
 
     torch.set_num_threads(1)  # networks this small only wait for each other on several
     course = make_course(cfg.name, cfg.seed, cfg.tracks, lambda tracks, n: _bar(tracks, n, "data", "track"))
-    settings = LearnCfg(cfg.epochs or course.epochs_n, cfg.seed, cfg.learning_rate)
+    settings = LearnCfg(cfg.epochs or course.epochs_n, cfg.seed, cfg.learning_rate, cfg.decay)
     folder = cfg.out or Path("runs/predict") / f"{cfg.name}-{cfg.seed}"
     bar: tqdm[Any] = tqdm(total=settings.epochs_n, desc=cfg.name, unit="epoch", mininterval=_pause_s())
 

@@ -28,7 +28,9 @@ class LearnCfg:
     seed: int = 0
     """Of batches, data and first weights."""
     learning_rate: float = 1e-3
-    """Of Adam, constant for the networks of the thesis."""
+    """Of Adam, in the first epoch."""
+    decay: float = 0.98
+    """Factor on it from epoch to epoch; 1 keeps it, as the peer's code does."""
     checkpoint_every_n: int = 10
     """Epochs between two checkpoints."""
 
@@ -124,6 +126,8 @@ class _Run:
         # Batches and dropout of an epoch depend on its number alone, so that a resumed training repeats nothing else.
         self._generator.manual_seed(1_000_003 * self.cfg.seed + number)
         torch.manual_seed(1_000_003 * self.cfg.seed + number)
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.cfg.learning_rate * self.cfg.decay ** (number - 1)
         before, started = self._state(), time.perf_counter()
         try:
             loss = self._steps(network.train())
@@ -143,6 +147,7 @@ class _Run:
             "name": self.name,
             "seed": self.cfg.seed,
             "learning_rate": self.cfg.learning_rate,
+            "decay": self.cfg.decay,
             "curve": self.curve_rows(),
             "best": self.best,
             **self._state(),
@@ -157,14 +162,16 @@ class _Run:
             raise CheckpointError(f"there is no training to resume in '{path.parent}': {path.name} is missing.")
         try:
             content = torch.load(path, weights_only=True)
-            mine = (self.name, self.cfg.seed, self.cfg.learning_rate)
-            theirs = (content["name"], content["seed"], content["learning_rate"])
+            mine = (self.name, self.cfg.seed, self.cfg.learning_rate, self.cfg.decay)
+            theirs = tuple(content[key] for key in ("name", "seed", "learning_rate", "decay"))
             self._restore(content)
             self.best, self.curve = content["best"], [Epoch(**row) for row in content["curve"]]
         except Exception as error:
             raise CheckpointError(f"'{path}' is no checkpoint of such a training, or damaged: {error}.") from error
         if mine != theirs:
-            raise CheckpointError(f"'{path}' is of the training {theirs} (name, seed, learning rate), not {mine}.")
+            raise CheckpointError(
+                f"'{path}' is of the training {theirs} (name, seed, learning rate, decay), not {mine}."
+            )
 
     def curve_rows(self) -> list[dict[str, float]]:
         """The curve for a file."""
