@@ -20,7 +20,7 @@ from tr_grasp.prediction.datasets import (
     corrections,
     thesis_tracks,
 )
-from tr_grasp.prediction.hybrid import features_n
+from tr_grasp.prediction.hybrid import FINEST_M, features_n
 from tr_grasp.prediction.networks import MotionLSTM, MotionMLP, ResidualNet
 from tr_grasp.prediction.scores import PROBABLE_95
 
@@ -119,7 +119,7 @@ class LSTMCourse(MLPCourse):
 
 
 class HybridCourse(Course):
-    """The correction of the filter bank: likelihood of the truth, and its distance."""
+    """The correction of the filter bank: likelihood of the truth, its distance, and the logarithm of that."""
 
     kind, steps_n, epochs_n = "hybrid", 50, 120
 
@@ -150,25 +150,24 @@ class HybridCourse(Course):
         Errors have longer tails than a normal distribution, since nobody foresees the start of a turn; so the ellipsoid
         that a chance constraint uses is made right, and the 68 % ellipsoid holds more than 68 %.
         """
-        normal, _ = self._normal_errors(self._validation)
+        _, normal, _ = self._judged(self._validation)
         return {"inflation": float((normal.square().sum(-1).quantile(0.95) / PROBABLE_95).sqrt())}
 
     def _loss(self, data: Corrections) -> Tensor:
-        normal, spread = self._normal_errors(data)
-        deviation = spread + data.scale.log().unsqueeze(-1)
+        mean, normal, deviation = self._judged(data)
         # A target that surprises everybody is no reason to forget all others, so far tails count linearly.
-        likelihood = nn.functional.huber_loss(normal, torch.zeros_like(normal), delta=4.0, reduction="none") + deviation
-        distance = nn.functional.smooth_l1_loss(self._means(data)[0], data.truth, beta=0.01)
-        return likelihood.mean() + 20.0 * distance
+        tails = nn.functional.huber_loss(normal, torch.zeros_like(normal), delta=4.0, reduction="none")
+        far = nn.functional.smooth_l1_loss(mean, data.truth, beta=0.01)
+        # Where the filters are right, a tenth of a millimetre is much; where nobody is, ten are little.
+        near = ((data.truth - mean).norm(dim=-1) + 2 * FINEST_M).log()
+        return (tails + deviation.log()).mean() + 20.0 * far + near.mean()
 
-    def _means(self, data: Corrections) -> tuple[Tensor, Tensor]:
+    def _judged(self, data: Corrections) -> tuple[Tensor, Tensor, Tensor]:
+        """Means, errors in units of their deviations, and those deviations, each (n, 3)."""
         gate, residual, spread = self.network(data.features)
-        return (gate.unsqueeze(-1) * data.candidates).sum(1) + data.scale.unsqueeze(-1) * residual, spread
-
-    def _normal_errors(self, data: Corrections) -> tuple[Tensor, Tensor]:
-        """Errors in units of their deviations (n, 3), and the logarithms of those, in units of the scale."""
-        mean, spread = self._means(data)
-        return (data.truth - mean) / (data.scale.unsqueeze(-1) * spread.exp()), spread
+        scale = data.scale.unsqueeze(-1)
+        mean, deviation = (gate.unsqueeze(-1) * data.candidates).sum(1) + scale * residual, scale * spread.exp()
+        return mean, (data.truth - mean) / deviation, deviation
 
 
 def stacked(tracks: list[Windows], name: str) -> Tensor:
