@@ -228,6 +228,15 @@ def test_the_learning_rate_falls_from_epoch_to_epoch(tmp_path: Path) -> None:
     assert farthest[2] < 1.5e-5
 
 
+def test_a_training_ends_when_no_epoch_is_better_any_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    course, epochs = small("mlp_linear"), []
+    errors = iter([5.0, 3.0, 4.0, 3.5, 3.0, 1.0])
+    monkeypatch.setattr(course, "validate", lambda: next(errors))
+    learn("mlp_linear", course, LearnCfg(6, patience_n=3), tmp_path, provenance={}, report=epochs.append)
+    # The second was the best; a third that is no better ends it, though the sixth would have been.
+    assert [epoch.validation for epoch in epochs] == [5.0, 3.0, 4.0, 3.5, 3.0]
+
+
 def test_the_hybrid_learns_and_predicts(tmp_path: Path) -> None:
     path = learn("hybrid", small("hybrid"), LearnCfg(2), tmp_path, provenance={"command": "x"})
     hybrid = HybridPredictor(path)

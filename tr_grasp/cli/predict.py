@@ -47,7 +47,7 @@ class TrainCfg:
     """Of data, first weights and batches."""
 
     epochs: int | None = None
-    """200 as in the thesis, 120 for the hybrid."""
+    """At most: 200 as in the thesis, 120 for the hybrid; ends early if the best epoch is 40 epochs ago."""
 
     tracks: int | None = None
     """Trajectories to learn from: 2000 as in the thesis, 2500 for the hybrid."""

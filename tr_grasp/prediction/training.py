@@ -1,4 +1,4 @@
-"""Training of a predictor's network: Adam, best epoch kept, goes on exactly where it stopped."""
+"""Training of a predictor's network: Adam, best epoch kept, ends early when none is better, goes on exactly."""
 
 from __future__ import annotations
 
@@ -31,6 +31,8 @@ class LearnCfg:
     """Of Adam, in the first epoch."""
     decay: float = 0.98
     """Factor on it from epoch to epoch; 1 keeps it, as the peer's code does."""
+    patience_n: int = 40
+    """The training ends early if the best epoch is this long ago."""
     checkpoint_every_n: int = 10
     """Epochs between two checkpoints."""
 
@@ -89,9 +91,9 @@ def learn(
     elif checkpoint.exists():
         raise PredictionError(f"'{folder}' holds a training already; resume it or choose another folder.")
     try:
-        while len(run.curve) < cfg.epochs_n:
+        while not run.is_over:
             report(run.epoch())
-            if len(run.curve) % cfg.checkpoint_every_n == 0 or len(run.curve) == cfg.epochs_n:
+            if len(run.curve) % cfg.checkpoint_every_n == 0 or run.is_over:
                 run.save(checkpoint)
     except KeyboardInterrupt:
         # The epoch that was cut short starts over.
@@ -119,6 +121,14 @@ class _Run:
     def best_epoch(self) -> Epoch:
         """The one with the smallest validation error."""
         return min(self.curve, key=lambda epoch: epoch.validation)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it made all its epochs, or too many without a better one."""
+        epochs_n = len(self.curve)
+        return epochs_n >= self.cfg.epochs_n or (
+            epochs_n > 0 and epochs_n - self.best_epoch.epoch >= self.cfg.patience_n
+        )
 
     def epoch(self) -> Epoch:
         """Another one."""
