@@ -41,6 +41,8 @@ class Course(ABC):
     kind: str
     epochs_n = 200
     """By default."""
+    decay = 1.0
+    """Of the learning rate from epoch to epoch, by default."""
     steps_n: int
     """Steps an epoch."""
     network: nn.Module
@@ -121,7 +123,7 @@ class LSTMCourse(MLPCourse):
 class HybridCourse(Course):
     """The correction of the filter bank: likelihood of the truth, its distance, and the logarithm of that."""
 
-    kind, steps_n, epochs_n = "hybrid", 50, 120
+    kind, steps_n, epochs_n, decay = "hybrid", 50, 120, 0.98
 
     def __init__(self, motion: str, seed: int, tracks_n: int = TRACKS_N, progress: Progress | None = None) -> None:
         tracks: Iterable[Corrections] = corrections(tracks_n, seed)

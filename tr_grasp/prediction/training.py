@@ -29,8 +29,8 @@ class LearnCfg:
     """Of batches, data and first weights."""
     learning_rate: float = 1e-3
     """Of Adam, in the first epoch."""
-    decay: float = 0.98
-    """Factor on it from epoch to epoch; 1 keeps it, as the peer's code does."""
+    decay: float = 1.0
+    """Factor on it from epoch to epoch."""
     patience_n: int = 40
     """The training ends early if the best epoch is this long ago."""
     checkpoint_every_n: int = 10
