@@ -119,6 +119,19 @@ def test_evaluate_prints_a_table_and_draws_a_picture(
     assert float(rows[0]["mean_mm"]) == pytest.approx(15.0)
 
 
+def test_evaluate_prints_the_loss_of_the_thesis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    args = ["--thesis-loss", "True", "--predictors", "hold", "constant_velocity", "--seeds", "1", "--tracks", "1"]
+    assert cli.main(["predict", "evaluate", *args]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    losses = {tuple(row[:2]): float(row[2]) for row in rows if row[:1] in (["hold"], ["constant_velocity"])}
+    assert len(losses) == 2 * 3
+    assert losses["hold", "linear"] > 1e6 * losses["constant_velocity", "linear"]
+    assert not (tmp_path / "runs").exists()
+
+
 def test_evaluate_takes_a_real_track(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
