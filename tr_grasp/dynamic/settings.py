@@ -39,6 +39,10 @@ class GrasperCfg:
     limits: LimitsName = "rated"
     """Of the arm: as rated, or a tenth of it as in the thesis."""
 
+    approach_limits: LimitsName = "rated"
+    """Of the arm in the approach of ``thesis``: in its simulation the drives jump onto the first waypoint, ``rated`` is
+    as fast as an arm can follow."""
+
     seeding: bool = True
     """Plans begin with what is left of the one before, from the speed that the arm has."""
 
