@@ -47,11 +47,15 @@ class Run:
         task: What is to be grasped, and where.
         cfg: Settings.
         aids: What the ranking knows beside the arm and the grasps.
+
+    Raises:
+        GraspError: No grasp of the task held as often as the settings ask for.
     """
 
     def __init__(self, station: Station, task: DynamicTask, cfg: GrasperCfg, aids: RankingAids = NO_AIDS) -> None:
         self._aids = aids
-        self.station, self.task, self.cfg = station, task, cfg
+        self.station, self.cfg = station, cfg
+        self.task = task = replace(task, grasps=task.grasps.held_at_least(cfg.least_held))
         self.arm, self.world = station.arm, station.world
         self.kinematics = _kinematics(task.robot)
         self.limits = MotionLimits.of(task.robot, cfg.limits)
