@@ -67,6 +67,11 @@ def test_every_track_counts_alike_in_the_thesis_loss(monkeypatch: pytest.MonkeyP
     loss = thesis_loss(lambda: HoldPredictor(gate=gate), "linear", 2, 0)
     # Six and eleven steps ahead, on one of three axes.
     assert loss == pytest.approx(0.5 * (6**2 + 11**2) / 2 / 3)
+    # Nothing before the fourth window counts once the first three are warm-up.
+    tracks[1][:7] = 0.0
+    jump = thesis_loss(lambda: HoldPredictor(gate=gate), "linear", 2, 0)
+    assert jump != loss
+    assert thesis_loss(lambda: HoldPredictor(gate=gate), "linear", 2, 0, warm_up_s=1.4) == pytest.approx(loss)
 
 
 def test_a_track_is_read_from_a_file(tmp_path: Path) -> None:

@@ -109,7 +109,7 @@ class EvaluateCfg:
     """Time after the first measurement that is not judged [s]."""
 
     thesis_loss: bool = False
-    """Print the thesis' validation loss on new tracks of its data sets instead."""
+    """Print the thesis' validation loss on new tracks of its data sets instead; the thesis has no warm-up."""
 
     out: Path = Path("runs/predict/evaluate")
     """Folder of the results."""
@@ -258,7 +258,7 @@ def _print_thesis_losses(names: Sequence[str], cfg: EvaluateCfg) -> None:
     losses: dict[tuple[str, str], list[float]] = {}
     for name, motion, seed in _bar(cases, len(cases), "thesis losses", "case"):
         make = partial(make_predictor, name, motion, cfg.weights)
-        losses.setdefault((name, motion), []).append(thesis_loss(make, motion, cfg.tracks, seed))
+        losses.setdefault((name, motion), []).append(thesis_loss(make, motion, cfg.tracks, seed, cfg.warm_up))
     print("thesis' loss [m²], one number a seed\n")
     cells = [(name, motion, *(f"{loss:.2g}" for loss in found)) for (name, motion), found in losses.items()]
     print(text_table(("predictor", "motion", *(f"seed {seed}" for seed in cfg.seeds)), cells, left_n=2))
