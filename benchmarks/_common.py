@@ -24,18 +24,22 @@ CLOCK = os.environ.get("TR_GRASP_BENCH_CLOCK", "wall")
 """``wall``, or ``cpu`` for the processor's time, which other work on the same cores disturbs less."""
 
 
+def now_s() -> float:
+    """Seconds on the clock that ``CLOCK`` names."""
+    return time.process_time() if CLOCK == "cpu" else time.perf_counter()
+
+
 def median_ms(*calls: Callable[[], Any], repeats: int = 15) -> list[float]:
     """Median time of each call. They take turns, so that another load on the machine falls on all alike."""
-    clock = {"wall": time.perf_counter, "cpu": time.process_time}[CLOCK]
     times: list[list[float]] = [[] for _ in calls]
     for repeat in range(repeats + 2):
         for call, measured in zip(calls, times, strict=True):
-            start = clock()
+            start = now_s()
             call()
             if torch.cuda.is_available():
                 torch.cuda.synchronize()
             if repeat >= 2:  # the first two warm caches up
-                measured.append((clock() - start) * 1e3)
+                measured.append((now_s() - start) * 1e3)
     return [median(measured) for measured in times]
 
 

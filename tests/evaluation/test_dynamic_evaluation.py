@@ -138,6 +138,13 @@ def test_methods_are_compared_on_the_trials_that_both_ran(records):
     assert sentence.startswith("intercept against thesis on 24 shared trials: +33.3 points")
 
 
+def test_rankings_know_what_comes_with_the_package_for_the_plain_solids_and_nothing_of_other_objects():
+    job = next(PLAN.jobs())
+    assert job.method.aids.field is not None
+    assert job.method.aids.scorer.object_name == job.trial.object_name
+    assert replace(job, world=replace(job.world, grasps="mine")).method.aids.scorer is None
+
+
 def test_each_variation_differs_from_the_method_in_what_it_is_named_for():
     base = replace(OURS, name="ours")
     assert variations(base, "none") == (base,)

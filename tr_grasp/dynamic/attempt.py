@@ -16,7 +16,7 @@ from tr_grasp.dynamic.method import DynamicTask, GraspOutcome, MethodResult, Pha
 from tr_grasp.dynamic.scene import Scene
 from tr_grasp.dynamic.settings import GrasperCfg
 from tr_grasp.dynamic.target import Forecast, Target
-from tr_grasp.dynamic.tool_path import ToolPoses, follow, shortest_allowed, smooth
+from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool, shortest_allowed, smooth
 from tr_grasp.grasps.ranking import NO_AIDS, RankingAids
 from tr_grasp.hardware import Ending, Station
 from tr_grasp.motion import Kinematics, MotionLimits, Trajectory
@@ -198,18 +198,23 @@ class Run:
         return holds and (not seen or bool(risen > RAISED_SHARE * self.task.lift_m))
 
     def let_go(self, back_m: float) -> None:
-        """Open the fingers and draw the hand back against its approach, before another attempt."""
+        """Open the fingers and draw the hand back against its approach, along with the object, before another attempt.
+
+        A hand that stayed behind would be pushed by an object that comes after it.
+        """
         self.tell(Phase.REACHING)
         gripper = self.station.gripper
         command, until = gripper.move(gripper.opening_range_m[1]), self.now_s + CLOSING_LIMIT_S
         T = self.kinematics.pose(self.arm.commanded().q)
+        self.target.look(self.world)
         start_s = self.now_s
+        forecast = self.target.forecast(start_s, start_s + LIFTS_S[-1])
+        T_obj_tcp = np.linalg.inv(forecast.poses(np.array([start_s]))[0]) @ T
 
         def back(duration_s: float) -> Trajectory | None:
             def poses(times_s: Array) -> Array:
-                rows = np.tile(T, (len(times_s), 1, 1))
-                rows[:, :3, 3] -= back_m * smooth((times_s - start_s - 0.3) / (duration_s - 0.3))[:, None] * T[:3, 2]
-                return rows
+                gone_m = back_m * smooth((times_s - start_s - 0.3) / (duration_s - 0.3))
+                return moved_along_tool(forecast.poses(times_s) @ T_obj_tcp, gone_m)
 
             start = self.arm.commanded(start_s)
             return follow(self.kinematics, self.limits, poses, start, start_s, duration_s)
