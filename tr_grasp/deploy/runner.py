@@ -18,7 +18,7 @@ from tr_grasp.configs import EnvCfg
 from tr_grasp.deploy.cartesian import CartesianSteps, Execution
 from tr_grasp.deploy.log import RunLog, RunStep
 from tr_grasp.deploy.observe import Observer
-from tr_grasp.errors import HardwareError
+from tr_grasp.errors import ConfigError, HardwareError
 from tr_grasp.hardware import Station
 from tr_grasp.robots import RobotSpec
 
@@ -72,6 +72,7 @@ class PolicyRun:
 
     Raises:
         HardwareError: The station has no camera.
+        ConfigError: The policy reads pictures, whose size and view it would have to share with its training.
     """
 
     def __init__(
@@ -87,6 +88,8 @@ class PolicyRun:
     ) -> None:
         if station.camera is None:
             raise HardwareError("a policy needs a camera, and the station has none.")
+        if keys.COLOUR_IMAGE in getattr(policy, "in_keys", ()):
+            raise ConfigError("a policy that reads pictures (image_cnn) acts in simulation alone; take one of octrees.")
         self._policy, self._cfg, self._station, self._camera = policy, cfg, station, station.camera
         self._observer = Observer(cfg, T_base_cam)
         self._steps = CartesianSteps(cfg, spec, station, execution)
