@@ -28,6 +28,7 @@ from tr_grasp.octree import gather_conv as gather_conv_module
 from tr_grasp.octree.gather_conv import GatherConv
 from tr_grasp.octree.products import add_product, product
 from tr_grasp.octree.reads import adjoint_table, by_layers, in_one_part
+from tr_grasp.octree.runs import Turns
 
 NODE_SETS = ["occupied", "siblings"]
 
@@ -238,6 +239,27 @@ def test_a_table_is_sorted_by_the_layers_that_its_rows_need() -> None:
         left_out = table[rows].clone()
         left_out[:, part.first_tap : part.first_tap + part.table.shape[1]] = 4
         assert (left_out == 4).all()
+
+
+def test_turns_of_runs_worked_by_hand_and_empty_runs_give_zero() -> None:
+    lengths = torch.tensor([1, 0, 3, 2])
+    turns = Turns.of(lengths)
+    assert [rows.tolist() for rows in turns.rows] == [[1, 4, 0], [2, 5], [3]]
+    features = torch.tensor([[-1.0], [-2.0], [-4.0], [-3.0], [5.0], [6.0]])
+    assert turns.reduce(features, "max").tolist() == [[-1.0], [0.0], [-2.0], [6.0]]
+    assert turns.reduce(features, "sum").tolist() == [[-1.0], [0.0], [-9.0], [11.0]]
+    assert Turns.of(lengths[:0]).reduce(features[:0], "max").shape == (0, 1)
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+def test_runs_in_turns_equal_runs_in_segments(node_set: str) -> None:
+    octree = make_octree(node_set)
+    runs = octree._siblings(4)
+    features = torch.randn(octree.level(4).nodes_n, 5, dtype=torch.float64).round(decimals=1)  # with equal maxima
+    coarse = torch.randn(octree.level(3).nodes_n, 5, dtype=torch.float64)
+    in_segments = runs._replace(turns=None)
+    assert_same_values_and_gradients(lambda x: runs.reduce(x, "max"), lambda x: in_segments.reduce(x, "max"), features)
+    assert_same_values_and_gradients(runs.spread, in_segments.spread, coarse)
 
 
 def test_the_adjoint_of_a_small_table_worked_by_hand() -> None:

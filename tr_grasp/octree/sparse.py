@@ -16,7 +16,7 @@ from tr_grasp.octree.frame import PADDING
 from tr_grasp.octree.gather_conv import GatherConv
 from tr_grasp.octree.morton import raster_table
 from tr_grasp.octree.reads import Reads, adjoint_table, by_layers, in_one_part
-from tr_grasp.octree.runs import Runs
+from tr_grasp.octree.runs import Runs, Turns
 from tr_grasp.octree.structure import FULL_DEPTH, Backend, Octree, OctreeLevel, Pool
 
 
@@ -219,7 +219,9 @@ class SparseOctree(Octree):
         if depth not in self._runs:
             # Where nodes are what holds a leaf, something below holds it too.
             some_are_empty = self.node_set == "siblings"
-            self._runs[depth] = Runs(self.children_n(depth - 1), self.parents(depth), some_are_empty)
+            lengths = self.children_n(depth - 1)
+            turns = Turns.of(lengths) if lengths.device.type == "cpu" else None
+            self._runs[depth] = Runs(lengths, self.parents(depth), some_are_empty, turns)
         return self._runs[depth]
 
     def _make_level(self, depth: int) -> SparseLevel:
