@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -20,6 +20,7 @@ from tr_grasp.deploy.log import RunLog, RunStep
 from tr_grasp.deploy.observe import Observer
 from tr_grasp.errors import ConfigError, HardwareError
 from tr_grasp.hardware import Station
+from tr_grasp.octree import OctreeFrame
 from tr_grasp.robots import RobotSpec
 
 Policy = Callable[[TensorDictBase], TensorDictBase]
@@ -130,7 +131,7 @@ class PolicyRun:
         image, arm = self._camera.capture(), self._station.arm.state()
         observation = self._observer.observe(image, self._steps.proprioception())
         action = act(self._policy, observation)
-        octree = observation[keys.OCTREE]
+        octree = cast(OctreeFrame, observation[keys.OCTREE])
         step = RunStep(
             stamp_s=self._station.world.now_s,
             q_rad=np.asarray(arm.q_rad, float),

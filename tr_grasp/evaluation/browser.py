@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import time
 from contextlib import redirect_stdout
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import trimesh
@@ -60,7 +60,7 @@ class BrowserView:
 
     def __call__(self, env: EnvBase, step: int, action: Tensor | None, state: TensorDictBase) -> None:
         """Show one instant; the first of an episode brings a new scene."""
-        task: GraspNovelObjectsEnv = env.task
+        task = cast("GraspNovelObjectsEnv", env.task)
         if step == 0:
             self.snapshots = []
             self._new_scene(task)

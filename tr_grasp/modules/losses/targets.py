@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-import torch
 from torch.nn.modules.batchnorm import _BatchNorm
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 from torchrl.objectives import SoftUpdate
 
 from tr_grasp.modules.encoders.norm import copy_statistics
@@ -29,6 +29,7 @@ class TargetUpdate(SoftUpdate):
         self, loss: SharedEncoderLoss, tau: float, statistics: Literal["follow", "initial"] = "follow"
     ) -> None:
         super().__init__(loss, tau=tau)
+        self._move = get_ema_multi_avg_fn(self.eps)
         # As flat lists, for TensorDict takes a millisecond to find them anew.
         names = list(self._sources.keys(True, True))
         self._online_parameters = [self._sources[name].data for name in names]
@@ -39,7 +40,7 @@ class TargetUpdate(SoftUpdate):
 
     def step(self) -> None:
         """Move the targets."""
-        torch._foreach_lerp_(self._target_parameters, self._online_parameters, 1 - self.eps)
+        self._move(self._target_parameters, self._online_parameters, 0)
         copy_statistics(self._online, self._target)
 
 
