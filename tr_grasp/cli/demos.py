@@ -223,6 +223,7 @@ def _recording(cfg: RecordCfg) -> Any:
         env,
         noise_scale=shown.noise_scale,
         gripper_flip_probability=shown.gripper_flip_probability,
+        wander_steps=shown.wander_steps,
         episode_steps=shown.episode_steps,
     )
 
