@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating]
 
 class CollisionGeometry:
+    def clone(self) -> CollisionGeometry: ...
+    # Those two of all but octrees.
+    def getSweptSphereRadius(self) -> float: ...
     def setSweptSphereRadius(self, radius: float) -> None: ...
 
 class Box(CollisionGeometry):
@@ -30,7 +33,8 @@ class Transform3s:
     @staticmethod
     def Identity() -> Transform3s: ...
 
-class CollisionRequest: ...
+class CollisionRequest:
+    security_margin: float
 
 class CollisionResult:
     def clear(self) -> None: ...
