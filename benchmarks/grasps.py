@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from benchmarks._common import machine
+from benchmarks._common import machine, now_s
 from tr_grasp.envs.grasp_trials import GraspTrials
 from tr_grasp.evaluation.statistics import Counts, wilson_interval
 from tr_grasp.grasps import BuildCfg, Grasps, candidate_grasps, shipped_grasp_set, shipped_objects
@@ -30,11 +29,11 @@ def print_row(row: dict[str, Any]) -> None:
 
 def held(trials: GraspTrials, grasps: Grasps, tries: int, seed: int) -> dict[str, float]:
     """Success of some grasps, each tried this often, with its interval and the tries a second."""
-    rng, started = np.random.default_rng(seed), time.perf_counter()
+    rng, started = np.random.default_rng(seed), now_s()
     successes = sum(int(trials(grasps, rng).sum()) for _ in range(tries))
     counts = Counts(successes, tries * len(grasps))
     low, high = wilson_interval(counts)
-    seconds = time.perf_counter() - started
+    seconds = now_s() - started
     return {"held": counts.rate, "low": low, "high": high, "n": counts.n, "tries_per_s": counts.n / seconds}
 
 
@@ -48,9 +47,9 @@ def main() -> None:
     for name in args.objects:
         found, thing = shipped_grasp_set(name), conveyor_object(name)
         cfg = replace(BuildCfg(), seed=args.seed)
-        started = time.perf_counter()
+        started = now_s()
         free, checked_n = candidate_grasps(thing.model, found.gripper, cfg)
-        seconds = time.perf_counter() - started
+        seconds = now_s() - started
         chance = free.subset(np.random.default_rng(args.seed).permutation(len(free))[:TOP])
         trials = GraspTrials(thing.model, thing.mass_kg, found.gripper, cfg.trial)
         rate = checked_n / seconds

@@ -1,7 +1,7 @@
 """Evaluations of Task II: nothing is lost, nothing counts twice, and the tables say what the trials were."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 
@@ -15,10 +15,12 @@ from tr_grasp.evaluation.dynamic.replay import caption, choose
 from tr_grasp.evaluation.dynamic.report import Report
 from tr_grasp.evaluation.dynamic.run import LISTS_FILE, Contender, Plan, evaluate, read_lists
 from tr_grasp.evaluation.dynamic.thesis import ALL, PREDICTORS, THESIS, best
+from tr_grasp.evaluation.dynamic.variations import variations
 from tr_grasp.provenance import Provenance
 
-OURS, THEIRS = Contender("intercept", GrasperCfg()), Contender("thesis", GrasperCfg.thesis())
-PLAN = Plan((OURS, THEIRS), DynamicCfg(), ("linear", "circular"), DYNAMIC_OBJECTS[:2], (0.03, 0.05), 3)
+OURS = Contender("intercept", GrasperCfg(), DynamicCfg())
+THEIRS = Contender("thesis", GrasperCfg.thesis(), DynamicCfg())
+PLAN = Plan((OURS, THEIRS), ("linear", "circular"), DYNAMIC_OBJECTS[:2], (0.03, 0.05), 3)
 
 
 def record_of(job) -> TrialRecord:
@@ -70,11 +72,11 @@ def test_an_evaluation_that_was_cut_off_goes_on_and_counts_every_trial_once(tmp_
 def test_other_settings_or_another_table_are_not_mixed_in(tmp_path):
     few = replace(PLAN, contenders=(OURS,), trials_n=1)
     evaluate(few, tmp_path, run=record_of)
-    other = replace(few, contenders=(Contender("intercept", GrasperCfg(retry=False)),))
+    other = replace(few, contenders=(replace(OURS, cfg=GrasperCfg(retry=False)),))
     with pytest.raises(ConfigError, match=r"grasper\.retry"):
         evaluate(other, tmp_path, run=record_of)
     evaluate(
-        replace(few, speeds_m_s=(0.1,), contenders=(Contender("no-retry", other.contenders[0].cfg),)),
+        replace(few, speeds_m_s=(0.1,), contenders=(replace(other.contenders[0], name="no-retry"),)),
         tmp_path,
         run=record_of,
     )
@@ -134,6 +136,37 @@ def test_tables_have_the_shape_of_the_thesis(records):
 def test_methods_are_compared_on_the_trials_that_both_ran(records):
     (sentence,) = summary.pair_sentences(records)
     assert sentence.startswith("intercept against thesis on 24 shared trials: +33.3 points")
+
+
+def test_rankings_know_what_comes_with_the_package_for_the_plain_solids_and_nothing_of_other_objects():
+    job = next(PLAN.jobs())
+    assert job.method.aids.field is not None
+    assert job.method.aids.scorer.object_name == job.trial.object_name
+    assert replace(job, world=replace(job.world, grasps="mine")).method.aids.scorer is None
+
+
+def test_each_variation_differs_from_the_method_in_what_it_is_named_for():
+    base = replace(OURS, name="ours")
+    assert variations(base, "none") == (base,)
+    found = variations(base, "ablations")
+    assert found[0] is base
+    assert len({one.name for one in found}) == len(found) == 1 + 7 + 5 + 4
+    for one in found[1:]:
+        before, now = asdict(base.cfg), asdict(one.cfg)
+        (field,) = (name for name in now if now[name] != before[name])
+        word = str(now[field]) if isinstance(now[field], str) else field
+        assert one.name.endswith(word.replace("_", "-"))
+        assert one.world == base.world
+    noisy = variations(base, "noise")
+    assert [one.world.tracking.noise_m for one in noisy] == [0.0, 0.001, 0.002, 0.005]
+    assert [one.name for one in variations(base, "latency")][1:] == [f"ours-latency-{ms}ms" for ms in (50, 100, 200)]
+
+
+def test_many_methods_are_compared_with_the_first(records):
+    rows = summary.study_rows(records)
+    assert [row[:3] for row in rows] == [("intercept", "24", "66.7"), ("thesis", "24", "33.3")]
+    assert rows[0][5:] == ("-", "-")
+    assert rows[1][5:] == ("-33.3", "0.0078")  # of 8 trials that differ, all went one way: 2 / 2**8
 
 
 def test_the_report_is_one_page_that_names_everything(records):

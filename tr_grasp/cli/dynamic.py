@@ -27,6 +27,7 @@ from tr_grasp.configs.dynamic import (
 from tr_grasp.configs.io import parse
 from tr_grasp.dynamic.settings import GrasperCfg
 from tr_grasp.errors import ConfigError, unknown_name
+from tr_grasp.evaluation.dynamic.variations import StudyName, variations
 from tr_grasp.files import make_folder, write_atomically
 from tr_grasp.provenance import cores_n, provenance
 
@@ -72,8 +73,12 @@ class EvaluateCfg:
     seed: int = 0
     """Of the lists of trials."""
 
+    study: StudyName = "none"
+    """Judge variations of the method beside it: ``ablations`` changes its predictor, its ranking and each of its
+    switches in turn, ``noise`` (0 to 5 mm) and ``latency`` (0 to 200 ms) how well the target is tracked."""
+
     label: str | None = None
-    """Name of the method in the tables, for an ablation; several runs may share a folder."""
+    """Name of the method in the tables; several runs may share a folder."""
 
     out: Path | None = None
     """Folder of the results; by default a new one under runs/dynamic."""
@@ -98,6 +103,8 @@ class EvaluateCfg:
             raise ConfigError(f"--replays and --seed must not be negative, got {self.replays} and {self.seed}.")
         if not self.speed or min(self.speed) <= 0:
             raise ConfigError(f"--speed must be positive, got {self.speed}.")
+        if self.study != "none" and self.method == "both":
+            raise ConfigError(f"--study {self.study} is of one method; choose --method intercept or thesis.")
         if self.label is not None and (self.method == "both" or not self.label.replace("-", "").isalnum()):
             raise ConfigError(f"--label must be letters, digits and hyphens, for one method; got {self.label!r}.")
 
@@ -191,7 +198,7 @@ def evaluate(args: Sequence[str], command: str) -> int:
     from tr_grasp.evaluation.dynamic.run import Plan
     from tr_grasp.evaluation.dynamic.run import evaluate as run_plan
 
-    plan = Plan(_contenders(cfg, args), cfg.world, motions, objects, cfg.speed, cfg.trials, cfg.seed)
+    plan = Plan(_contenders(cfg, args), motions, objects, cfg.speed, cfg.trials, cfg.seed)
     interrupted = False
     try:
         with _Bar(len(list(plan.jobs()))) as bar:
@@ -211,7 +218,8 @@ def play(args: Sequence[str]) -> int:
 
     check_format(cfg.view)
     trial = make_trial(cfg.motion, cfg.object, cfg.number, cfg.seed)
-    job = Job(Contender(cfg.method, cfg.grasper), replace(cfg.world, speed_m_s=cfg.speed), trial)
+    world = replace(cfg.world, speed_m_s=cfg.speed)
+    job = Job(Contender(cfg.method, cfg.grasper, world), world, trial)
     record, frames = film_trial(job, cfg.size)
     make_folder(cfg.view.parent)
     save_film(cfg.view, frames, FRAME_S)
@@ -241,7 +249,8 @@ def _contenders(cfg: EvaluateCfg, args: Sequence[str]) -> tuple[Contender, ...]:
     from tr_grasp.evaluation.dynamic.run import Contender
 
     names = ("intercept", "thesis") if cfg.method == "both" else (cfg.method,)
-    return tuple(Contender(cfg.label or name, read(EvaluateCfg, args, name).grasper) for name in names)
+    bases = (Contender(cfg.label or name, read(EvaluateCfg, args, name).grasper, cfg.world) for name in names)
+    return tuple(one for base in bases for one in variations(base, cfg.study))
 
 
 def _report(plan: Plan, out: Path, command: str, replays_n: int) -> bool:
@@ -264,8 +273,11 @@ def _report(plan: Plan, out: Path, command: str, replays_n: int) -> bool:
     if reasons := summary.reason_rows(records):
         print(f"\n{text_table(summary.REASON_HEAD, reasons, left_n=3)}")
     print(f"\n{text_table(summary.COST_HEAD, summary.cost_rows(records))}\n")
-    print("\n".join(summary.pair_sentences(records)))
-    settings = {one.name: (plan.world, one.cfg) for one in plan.contenders}
+    if len({record.method for record in records}) <= summary.FEW:
+        print("\n".join(summary.pair_sentences(records)))
+    else:
+        print(text_table(summary.STUDY_HEAD, summary.study_rows(records)))
+    settings = {one.name: (one.world, one.cfg) for one in plan.contenders}
     replays = _films(plan, records, out, replays_n)
     write_atomically(out / REPORT_FILE, Report(records, settings, provenance(command), replays).html())
     rows = [dict(zip(summary.SPEED_HEAD, row, strict=True)) for row in summary.speed_rows(records)]

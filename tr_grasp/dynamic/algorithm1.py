@@ -1,11 +1,14 @@
 """The planner of the thesis, its Algorithm 1: predict, rank, plan, and approach blindly once near enough.
 
 Constants are those of the thesis and of the implementation that was published with it. Ours differs where that
-implementation gains from a simulator: its approach starts with a jump of the arm, which no arm can do, and its fingers
-close in 0.2 s, which no 2F-85 does; here the arm leaves from where it is, and follows for as long as closing takes.
+implementation gains from a simulator: its arm jumps onto the first waypoint of the approach, and its speeds jump when a
+plan replaces another; here both are made up for as fast as the limits allow (``GrasperCfg.approach_limits`` for the
+former). Its fingers close in 0.2 s; here the hand goes along for as long as closing takes.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +17,19 @@ from tr_grasp.dynamic.attempt import CYCLE_S, Run
 from tr_grasp.dynamic.intercept import HALF_TURN
 from tr_grasp.dynamic.method import GraspOutcome, Phase
 from tr_grasp.dynamic.target import Forecast
-from tr_grasp.dynamic.tool_path import moved_along_tool
+from tr_grasp.dynamic.tool_path import BLENDS_S, entered, moved_along_tool
 from tr_grasp.grasps.ranking import rank_grasps
-from tr_grasp.motion import Outcome, Plan, Planner, PlannerCfg, Trajectory, inverse_kinematics, time_optimal
+from tr_grasp.motion import (
+    JointState,
+    MotionLimits,
+    Outcome,
+    Plan,
+    Planner,
+    PlannerCfg,
+    Trajectory,
+    inverse_kinematics,
+    time_optimal,
+)
 
 Array = NDArray[np.floating]
 Ending = tuple[GraspOutcome, str]
@@ -27,8 +40,13 @@ GRASP_WITHIN = 1.1
 """Times the back-off: how near the hand must be to the grasp to approach."""
 GRASP_WITHIN_RAD, JOINTS_WITHIN_RAD = np.deg2rad(20.0), 0.1
 APPROACH_S, CLOSE_S = 1.0, 0.2
+ALONG_S, TURN_S = 1.0, 0.3
+"""For how long the hand goes along from the grasp on, and how long before it the joints begin to change their speed."""
+JOINED_S = tuple(blend_s for blend_s in BLENDS_S if blend_s < APPROACH_S)
 JUMP_RAD = 2.0
 MOST_N = 10
+STEP_OUT_RAD, STEPS_OUT_N = 0.25, 100
+"""MoveIt's remedy for a start that touches something: the nearest of so many random states around it that does not."""
 PLANNER = PlannerCfg(time_limit_s=0.5)
 PLANNING_AHEAD_S = 0.14
 """Planning is expected to take so long: a plan begins where the one before it will be by then."""
@@ -47,6 +65,8 @@ class Algorithm1:
     def __init__(self, run: Run) -> None:
         self.run, self.cfg = run, run.cfg
         self._planner = Planner(run.scene.way, PLANNER)
+        self._approach_limits = MotionLimits.of(run.task.robot, run.cfg.approach_limits)
+        self._rng = np.random.default_rng(run.task.seed)
         self._plan: Plan | None = None
         self._q_pre: Array | None = None
         self._T_obj_tcp: Array | None = None
@@ -135,7 +155,7 @@ class Algorithm1:
         T = forecast.poses(np.array([when_s]))[0] @ T_obj_tcp
         pre = inverse_kinematics(run.kinematics, moved_along_tool(T, self.cfg.back_off_m), q_now).q_rad
         at = inverse_kinematics(run.kinematics, T, np.where(np.isfinite(pre), pre, q_now)).q_rad
-        ok = np.isfinite(pre).all(-1) & np.isfinite(at).all(-1)
+        ok = np.asarray(np.isfinite(pre).all(-1) & np.isfinite(at).all(-1))
         times = np.full(int(ok.sum()), when_s)
         if ok.any():
             ok[ok] = run.scene.way.free(pre[ok], times) & run.scene.grasp.free(at[ok], times)
@@ -154,16 +174,40 @@ class Algorithm1:
         start = run.arm.commanded(start_s)
         with run.thinking("planning"):
             run.notes["planner_calls"] += 1
-            previous = self._plan if self.cfg.seeding else None
-            plan = self._planner.plan(start.q, q, previous=previous, time_s=when_s)
-            if plan.outcome is not Outcome.OK or plan.path is None:
+            plan = self._planned(start.q, q, when_s)
+            if plan.path is None:
                 return
-            speed = start.dq if self.cfg.seeding and np.abs(start.dq).max() > 1e-6 else None
-            way = time_optimal(plan.path, run.limits, start_speed_rad_s=speed).trajectory
-        if way is None and speed is not None:
-            run.arm.stop()  # not from that speed: brake, and leave from rest in the next loop
-        elif way is not None and run.send(way, start_s):
+            way = self._timed(plan.path, start)
+        if way is not None and run.send(way, start_s):
             self._plan = plan
+
+    def _planned(self, start_q: Array, q: Array, when_s: float) -> Plan:
+        """A path; where the start touches something by then, with a step out of it at first, as MoveIt does."""
+        previous = self._plan if self.cfg.seeding else None
+        plan = self._planner.plan(start_q, q, previous=previous, time_s=when_s)
+        if plan.outcome is not Outcome.START_IN_COLLISION:
+            return plan
+        limits, way = self.run.limits, self.run.scene.way
+        steps = self._rng.uniform(-STEP_OUT_RAD, STEP_OUT_RAD, (STEPS_OUT_N, len(start_q)))
+        around = np.clip(start_q + steps, limits.lower_rad, limits.upper_rad)
+        around = around[way.free(around, np.full(STEPS_OUT_N, when_s))]
+        if not len(around):
+            return plan
+        out = around[np.argmin(np.abs(around - start_q).sum(1))]
+        plan = self._planner.plan(out, q, previous=previous, time_s=when_s)
+        return plan if plan.path is None else replace(plan, path=np.vstack([start_q, plan.path]))
+
+    def _timed(self, path: Array, start: JointState) -> Trajectory | None:
+        """The path in time, from what is left of the arm's speed along it; what is not along it vanishes quickly."""
+        limits, ahead = self.run.limits, path[min(1, len(path) - 1)] - path[0]
+        length = float(np.linalg.norm(ahead))
+        along = max(float(start.dq @ ahead) / length, 0.0) * ahead / length if length > 0 else 0 * ahead
+        for speed in (along, 0.5 * along, None) if self.cfg.seeding else (None,):
+            way = time_optimal(path, limits, start_speed_rad_s=speed).trajectory
+            joined = None if way is None else entered(way, start, self.run.arm.limits)
+            if joined is not None:
+                return joined
+        return None
 
     def _can_grasp(self) -> bool:
         run = self.run
@@ -174,24 +218,27 @@ class Algorithm1:
         return near or bool(np.abs(run.arm.state().q_rad - self._q_pre).max() < JOINTS_WITHIN_RAD)
 
     def _approach(self) -> bool:
-        """Go to where the grasp will be in a second and along with the object from there; false if that cannot be."""
+        """Onto the line from the pre-grasp to where the grasp will be in a second, and on with the object.
+
+        False if that cannot be, or would take another posture.
+        """
         run = self.run
         assert self._T_obj_tcp is not None
         assert run.target.seen_s is not None
-        forecast = run.target.forecast(run.target.seen_s, run.target.seen_s + 2 * APPROACH_S)
         start_s, seen_s = run.now_s, run.target.seen_s
         start = run.arm.commanded(start_s)
-        T = forecast.poses(seen_s + np.array([APPROACH_S, APPROACH_S + CLOSE_S])) @ self._T_obj_tcp
+        forecast = run.target.forecast(seen_s, seen_s + APPROACH_S + ALONG_S)
+        T = forecast.poses(seen_s + np.array([0.0, APPROACH_S, APPROACH_S + CLOSE_S])) @ self._T_obj_tcp
+        T[0] = moved_along_tool(T[0], self.cfg.back_off_m)
         q = inverse_kinematics(run.kinematics, T, start.q).q_rad
-        if not np.isfinite(q).all() or np.abs(q - start.q).max() > JUMP_RAD or np.abs(q[1] - q[0]).max() > 0.2:
+        if not np.isfinite(q).all() or np.abs(q - start.q).max() > JUMP_RAD:
             return False
-        speed = (q[1] - q[0]) / CLOSE_S
-        path = Trajectory(
-            np.array([0.0, APPROACH_S, APPROACH_S + 2 * CLOSE_S]),
-            np.stack([start.q, q[0], q[0] + 2 * CLOSE_S * speed]),
-            np.stack([start.dq, speed, speed]),
-        )
-        if not run.send(path, start_s):
+        forward, along = (q[1] - q[0]) / APPROACH_S, (q[2] - q[1]) / CLOSE_S
+        times_s = np.array([0.0, APPROACH_S - TURN_S, APPROACH_S, APPROACH_S + ALONG_S])
+        rows = np.stack([q[0], q[1] - TURN_S * forward, q[1], q[1] + ALONG_S * along])
+        line = Trajectory(times_s, rows, np.stack([forward, forward, along, along]))
+        path = entered(line, start, self._approach_limits, JOINED_S)
+        if path is None or not run.send(path, start_s):
             return False
         self._forecast = forecast
         run.tell(Phase.APPROACHING)

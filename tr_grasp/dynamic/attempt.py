@@ -16,7 +16,7 @@ from tr_grasp.dynamic.method import DynamicTask, GraspOutcome, MethodResult, Pha
 from tr_grasp.dynamic.scene import Scene
 from tr_grasp.dynamic.settings import GrasperCfg
 from tr_grasp.dynamic.target import Forecast, Target
-from tr_grasp.dynamic.tool_path import ToolPoses, follow, shortest_allowed, smooth
+from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool, shortest_allowed, smooth
 from tr_grasp.grasps.ranking import NO_AIDS, RankingAids
 from tr_grasp.hardware import Ending, Station
 from tr_grasp.motion import Kinematics, MotionLimits, Trajectory
@@ -47,11 +47,15 @@ class Run:
         task: What is to be grasped, and where.
         cfg: Settings.
         aids: What the ranking knows beside the arm and the grasps.
+
+    Raises:
+        GraspError: No grasp of the task held as often as the settings ask for.
     """
 
     def __init__(self, station: Station, task: DynamicTask, cfg: GrasperCfg, aids: RankingAids = NO_AIDS) -> None:
         self._aids = aids
-        self.station, self.task, self.cfg = station, task, cfg
+        self.station, self.cfg = station, cfg
+        self.task = task = replace(task, grasps=task.grasps.held_at_least(cfg.least_held))
         self.arm, self.world = station.arm, station.world
         self.kinematics = _kinematics(task.robot)
         self.limits = MotionLimits.of(task.robot, cfg.limits)
@@ -89,6 +93,9 @@ class Run:
         if work == "planning":
             self._expected_s[kind] = max(thought.seconds, FORGETTING * self._expected_s[kind])
             self.notes["longest_loop_s"] = max(self.notes["longest_loop_s"], thought.seconds)
+        self._send_pending()
+
+    def _send_pending(self) -> None:
         if self._pending is not None:
             self.was_late = not self.send(*self._pending)
             self.notes["late_plans"] += self.was_late
@@ -194,18 +201,23 @@ class Run:
         return holds and (not seen or bool(risen > RAISED_SHARE * self.task.lift_m))
 
     def let_go(self, back_m: float) -> None:
-        """Open the fingers and draw the hand back against its approach, before another attempt."""
+        """Open the fingers and draw the hand back against its approach, along with the object, before another attempt.
+
+        A hand that stayed behind would be pushed by an object that comes after it.
+        """
         self.tell(Phase.REACHING)
         gripper = self.station.gripper
         command, until = gripper.move(gripper.opening_range_m[1]), self.now_s + CLOSING_LIMIT_S
         T = self.kinematics.pose(self.arm.commanded().q)
+        self.target.look(self.world)
         start_s = self.now_s
+        forecast = self.target.forecast(start_s, start_s + LIFTS_S[-1])
+        T_obj_tcp = np.linalg.inv(forecast.poses(np.array([start_s]))[0]) @ T
 
         def back(duration_s: float) -> Trajectory | None:
             def poses(times_s: Array) -> Array:
-                rows = np.tile(T, (len(times_s), 1, 1))
-                rows[:, :3, 3] -= back_m * smooth((times_s - start_s - 0.3) / (duration_s - 0.3))[:, None] * T[:3, 2]
-                return rows
+                gone_m = back_m * smooth((times_s - start_s - 0.3) / (duration_s - 0.3))
+                return moved_along_tool(forecast.poses(times_s) @ T_obj_tcp, gone_m)
 
             start = self.arm.commanded(start_s)
             return follow(self.kinematics, self.limits, poses, start, start_s, duration_s)

@@ -36,8 +36,16 @@ class GrasperCfg:
     ranking: RankingName = "ours"
     """Which grasps are looked at first, or only: see :func:`tr_grasp.grasps.ranking.rank_grasps`."""
 
+    least_held: float = 0.0
+    """Share of its tries on an object at rest that a grasp must have held to be used; the thesis keeps those that
+    never failed."""
+
     limits: LimitsName = "rated"
     """Of the arm: as rated, or a tenth of it as in the thesis."""
+
+    approach_limits: LimitsName = "rated"
+    """Of the arm in the approach of ``thesis``: in its simulation the drives jump onto the first waypoint, ``rated`` is
+    as fast as an arm can follow."""
 
     seeding: bool = True
     """Plans begin with what is left of the one before, from the speed that the arm has."""
@@ -80,10 +88,14 @@ class GrasperCfg:
         for name in (*positive, "hopeless_after_s"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"grasper.{name} must be positive, got {getattr(self, name)}.")
+        if not 0 <= self.least_held <= 1:
+            raise ConfigError(f"grasper.least_held must be in [0, 1], got {self.least_held}.")
         if not 0 <= self.switch_gain < 1:
             raise ConfigError(f"grasper.switch_gain must be in [0, 1), got {self.switch_gain}.")
 
     @classmethod
     def thesis(cls) -> GrasperCfg:
-        """The thesis' own conditions: its algorithm, filter, ranking and limits, and no second attempt."""
-        return cls(planner="thesis", predictor="kalman_thesis", ranking="both", limits="thesis", retry=False)
+        """The thesis' own conditions: its algorithm, filter, choice of grasps and limits, and no second attempt."""
+        return cls(
+            planner="thesis", predictor="kalman_thesis", ranking="both", least_held=1.0, limits="thesis", retry=False
+        )  # fmt: skip

@@ -17,7 +17,6 @@ SPACING_S = 0.05
 JUMP_RAD = 0.35
 """A joint that moves further than this from one knot to the next would have to take another posture."""
 BLENDS_S = (0.1, 0.2, 0.4, 0.8, 1.6)
-"""Times within which what the arm is off may vanish; the first that the limits allow is taken."""
 SMALLEST_RAD, SMALLEST_RAD_S = 1e-3, 1e-2
 _NEAR = IKCfg(rounds_n=0)
 
@@ -30,6 +29,7 @@ def follow(
     start_s: float,
     duration_s: float,
     near_q: Array | None = None,
+    blends_s: Sequence[float] = BLENDS_S,
 ) -> Trajectory | None:
     """The trajectory that brings the tool onto a moving pose and keeps it there.
 
@@ -41,6 +41,8 @@ def follow(
         start_s: When that is.
         duration_s: How far ahead.
         near_q: (dof,) posture to stay in; that of the start, if not given.
+        blends_s: Times within which what the arm is off may vanish, ascending; the first that the limits allow is
+            taken.
 
     Returns:
         Nothing where the tool gets out of reach, would need another posture, or has to move faster than the limits.
@@ -50,15 +52,27 @@ def follow(
     q = postures_along(kinematics, tool_poses(start_s + tau), start.q if near_q is None else near_q)
     if q is None:
         return None
-    dq = np.gradient(q, tau, axis=0, edge_order=2)
-    off, off_speed = start.q - q[0], start.dq - dq[0]
+    path = Trajectory(tau, q, np.gradient(q, tau, axis=0, edge_order=2))
+    off, off_speed = start.q - q[0], start.dq - path.dq_rad_s[0]
     on_track = np.abs(off).max() < SMALLEST_RAD and np.abs(off_speed).max() < SMALLEST_RAD_S
-    for blend_s in BLENDS_S[1:2] if on_track else BLENDS_S:
-        if blend_s > duration_s:
+    return entered(path, start, limits, BLENDS_S[1:2] if on_track else blends_s)
+
+
+def entered(
+    path: Trajectory, start: JointState, limits: MotionLimits, blends_s: Sequence[float] = BLENDS_S
+) -> Trajectory | None:
+    """A trajectory, but from another state on: what that is off vanishes as a cubic, as quickly as the limits allow.
+
+    Returns:
+        Nothing where the limits allow none of the times, or all are longer than the trajectory.
+    """
+    off, off_speed = start.q - path.q_rad[0], start.dq - path.dq_rad_s[0]
+    for blend_s in blends_s:
+        if blend_s > path.duration_s:
             break
-        path = _entered(tau, q, dq, off, off_speed, blend_s)
-        if not path.violations(limits):
-            return path
+        joined = _blended(path, off, off_speed, blend_s)
+        if not joined.violations(limits):
+            return joined
     return None
 
 
@@ -94,10 +108,10 @@ def shortest_allowed(build: Callable[[float], Trajectory | None], durations_s: S
     return next((path for duration in durations_s if (path := build(duration)) is not None), None)
 
 
-def _entered(tau: Array, q: Array, dq: Array, off: Array, off_speed: Array, blend_s: float) -> Trajectory:
+def _blended(path: Trajectory, off: Array, off_speed: Array, blend_s: float) -> Trajectory:
     """The path plus an error that vanishes as a cubic within a time, to rest."""
-    knots = np.union1d(np.round(tau, 9), [round(blend_s, 9)])
-    base = Trajectory(tau, q, dq).sample(np.minimum(knots, tau[-1]))
+    knots = np.union1d(np.round(path.times_s, 9), [round(blend_s, 9)])
+    base = path.sample(np.minimum(knots, path.duration_s))
     u = np.clip(knots / blend_s, 0.0, 1.0)[:, None]
     w = blend_s * off_speed
     error = off + u * (w + u * ((-3 * off - 2 * w) + u * (2 * off + w)))

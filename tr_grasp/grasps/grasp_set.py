@@ -77,6 +77,20 @@ class GraspSet:
             self.shape_key, self.settings, self.statistics, self.bounds_m,
         )  # fmt: skip
 
+    def held_at_least(self, share: float) -> GraspSet:
+        """Those that held in this share of their tries.
+
+        Raises:
+            GraspError: None did.
+        """
+        chosen = self.success_rate >= share
+        if not chosen.any():
+            raise GraspError(
+                f"no grasp of {self.object_name!r} by {self.gripper!r} held in {100 * share:g} % of its tries, the best"
+                f" in {100 * self.success_rate.max(initial=0.0):.0f} %; ask for less, or build a set with more tries."
+            )
+        return self.subset(chosen)
+
     def require_for(self, model: ObjectModel, gripper: str | None = None) -> GraspSet:
         """Itself, if it was made for this shape and gripper.
 

@@ -65,9 +65,12 @@ class Report:
         motions = summary.motions_of(self.records)
         sections = [_header(self.records)]
         rows = summary.method_rows(self.records, motions)
-        sentences = "".join(f"<p>{escape(text)}</p>" for text in summary.pair_sentences(self.records))
+        if len({record.method for record in self.records}) <= summary.FEW:
+            compared = "".join(f"<p>{escape(text)}</p>" for text in summary.pair_sentences(self.records))
+        else:
+            compared = page.table(summary.STUDY_HEAD, summary.study_rows(self.records))
         table = page.table(("method", *summary.table_head(motions)[1:]), rows)
-        sections.append(page.section("All objects (table 5.11)", _lead(LEAD), page.card(table, sentences)))
+        sections.append(page.section("All objects (table 5.11)", _lead(LEAD), page.card(table, compared)))
         for (method, speed), group in summary.grouped(self.records, lambda r: (r.method, r.speed_m_s)).items():
             table = page.table(summary.table_head(motions), summary.object_rows(group, motions))
             title = f"{method}, {100 * speed:g} cm/s, by object (tables 5.8 to 5.10)"

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from tr_grasp.configs.dynamic import DynamicCfg
@@ -21,6 +21,9 @@ from tr_grasp.errors import ConfigError, TrGraspError
 from tr_grasp.evaluation.dynamic.log import TrialLog
 from tr_grasp.evaluation.rollouts import one_thread
 from tr_grasp.files import make_folder, write_atomically
+from tr_grasp.grasps.motion_aware import motion_aware_scorer, shipped_scorers
+from tr_grasp.grasps.ranking import RankingAids
+from tr_grasp.grasps.reachability import reachability_field, shipped_fields
 
 LISTS_FILE = "lists.json"
 NETWORKS = ("mlp", "lstm")
@@ -37,10 +40,14 @@ _trial = lru_cache(maxsize=None)(make_trial)
 
 @dataclass(frozen=True)
 class Contender:
-    """A method under its name in the tables."""
+    """A method under its name in the tables, and the world in which it is judged; the world's own speed does not count.
+
+    Several methods are compared in one world, or one method in several.
+    """
 
     name: str
     cfg: GrasperCfg
+    world: DynamicCfg
 
 
 @dataclass(frozen=True)
@@ -49,14 +56,12 @@ class Plan:
 
     Attributes:
         contenders: The methods.
-        world: Where; its own speed does not count.
         motions, objects, speeds_m_s: The cases.
         trials_n: Trials of each.
         seed: Of the lists.
     """
 
     contenders: tuple[Contender, ...]
-    world: DynamicCfg
     motions: tuple[str, ...]
     objects: tuple[str, ...]
     speeds_m_s: tuple[float, ...]
@@ -71,7 +76,7 @@ class Plan:
                     trial = _trial(motion, object_name, number, self.seed)
                     for speed in self.speeds_m_s:
                         for contender in self.contenders:
-                            yield Job(contender, replace(self.world, speed_m_s=speed), trial)
+                            yield Job(contender, replace(contender.world, speed_m_s=speed), trial)
 
 
 @dataclass(frozen=True)
@@ -106,7 +111,19 @@ class Job:
         """Who grasps; networks are told the class of motion, as in the thesis."""
         cfg = self.contender.cfg
         told = {"circular": "circular", "sinusoidal": "sinusoidal"}.get(self.trial.motion, "linear")
-        return DynamicGrasper(replace(cfg, motion_class=told) if cfg.predictor in NETWORKS else cfg)
+        if cfg.predictor in NETWORKS:
+            cfg = replace(cfg, motion_class=told)
+        is_shipped = self.world.models == "primitive" and self.world.grasps is None
+        return DynamicGrasper(cfg, ranking_aids(self.world.robot, self.trial.object_name if is_shipped else None))
+
+
+@cache
+def ranking_aids(robot: str, object_name: str | None) -> RankingAids:
+    """What the package knows of an arm and an object beside its grasps: a reachability field, a motion-aware scorer."""
+    return RankingAids(
+        reachability_field(robot) if robot in shipped_fields() else None,
+        motion_aware_scorer(object_name) if object_name in shipped_scorers() else None,
+    )
 
 
 def evaluate(
@@ -157,7 +174,7 @@ def check_settings(plan: Plan, out: Path) -> None:
     """
     make_folder(out)
     for contender in plan.contenders:
-        world = {name: value for name, value in asdict(plan.world).items() if name != "speed_m_s"}
+        world = {name: value for name, value in asdict(contender.world).items() if name != "speed_m_s"}
         now = json.loads(json.dumps({"world": world, "grasper": asdict(contender.cfg)}))
         path = out / f"settings-{contender.name}.json"
         if not path.is_file():

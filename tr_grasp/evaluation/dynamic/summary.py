@@ -23,6 +23,9 @@ MOTION_WORDS = {"linear_obstacles": "obstacles", "linear_slab": "top shelf"}
 """As the thesis calls them."""
 REASON_HEAD = ("method", "motion", "failure", "trials")
 SPEED_HEAD = ("method", "motion", "speed [cm/s]", "trials", "success [%]", "95 % interval", "time [s]")
+STUDY_HEAD = ("method", "trials", "success [%]", "95 % interval", "time [s]", "against the first", "p (McNemar)")
+FEW = 3
+"""So many methods are compared pair by pair, more of them with the first."""
 COST_HEAD = ("method", "trials", "wall [s]", "simulated [s]", "thinking [s]", "loops a second", "attempts", "switches")
 
 
@@ -138,21 +141,35 @@ def cost_rows(records: Records) -> list[tuple[str, ...]]:
     return rows
 
 
+def study_rows(records: Records) -> list[tuple[str, ...]]:
+    """Each method on all its trials, and how much better it is than the first on the trials that both ran."""
+    groups = grouped(records, lambda r: r.method)
+    base, rows = next(iter(groups), None), []
+    for name, group in groups.items():
+        result, pairs = Result.of(group), paired_counts(group, groups[base])
+        low, high = wilson_interval(result.counts)
+        success = f"{100 * result.counts.rate:.1f}", f"{100 * low:.1f} to {100 * high:.1f}"
+        against = (NOTHING, NOTHING)
+        if name != base and pairs.n:
+            gain = 100 * (pairs.only_a - pairs.only_b) / pairs.n
+            against = (f"{gain:+.1f}", f"{mcnemar_exact_test(pairs):.2g}")
+        rows.append((name, str(result.counts.n), *success, f"{result.time_s:.2f}", *against))
+    return rows
+
+
 def pair_sentences(records: Records) -> list[str]:
     """For each two methods, on the trials that both ran: who is better, by how much, and how sure that is."""
-    by_method = {
-        name: {r.key[1:]: r.success for r in group} for name, group in grouped(records, lambda r: r.method).items()
-    }
-    names = sorted(by_method)
-    sentences = []
-    for i, a in enumerate(names):
-        for b in names[i + 1 :]:
-            shared = by_method[a].keys() & by_method[b].keys()
-            tally = Counter((by_method[a][key], by_method[b][key]) for key in shared)
-            pairs = PairedCounts(tally[True, True], tally[True, False], tally[False, True], tally[False, False])
-            if pairs.n:
-                sentences.append(_pair_sentence(a, b, pairs))
-    return sentences
+    groups = grouped(records, lambda r: r.method)
+    names = sorted(groups)
+    pairs = {(a, b): paired_counts(groups[a], groups[b]) for i, a in enumerate(names) for b in names[i + 1 :]}
+    return [_pair_sentence(a, b, counts) for (a, b), counts in pairs.items() if counts.n]
+
+
+def paired_counts(a: Records, b: Records) -> PairedCounts:
+    """What two methods made of the trials that both ran."""
+    of_a, of_b = ({r.key[1:]: r.success for r in group} for group in (a, b))
+    tally = Counter((of_a[key], of_b[key]) for key in of_a.keys() & of_b.keys())
+    return PairedCounts(tally[True, True], tally[True, False], tally[False, True], tally[False, False])
 
 
 def grouped(records: Iterable[TrialRecord], key: Callable[[TrialRecord], object]) -> dict:
