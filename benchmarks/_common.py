@@ -23,9 +23,6 @@ SPEC = default_spec()
 CLOCK = os.environ.get("TR_GRASP_BENCH_CLOCK", "wall")
 """``wall``, or ``cpu`` for the processor's time, which other work on the same cores disturbs less."""
 
-clock: Callable[[], float] = {"wall": time.perf_counter, "cpu": time.process_time}[CLOCK]
-"""Seconds of the clock chosen."""
-
 
 def now_s() -> float:
     """Seconds on the clock that ``CLOCK`` names."""

@@ -17,7 +17,7 @@ from ompl import base as ob
 from ompl import geometric as og
 
 from benchmarks._arms import ROBOTS, SCENES, Array, free_posture, kinematics, obstacles, tool_down
-from benchmarks._common import clock, print_row
+from benchmarks._common import now_s, print_row
 from tr_grasp.motion import CollisionModel, Plan, Planner, PlannerCfg, inverse_kinematics
 from tr_grasp.motion.edges import path_length, points_of
 from tr_grasp.motion.joint_turns import distance
@@ -81,21 +81,21 @@ def plain_ompl(
         solution = setup.getSolutionPath()
         return np.array([[solution.getState(i)[j] for j in joints] for i in range(solution.getStateCount())])
 
-    begun = clock()
+    begun = now_s()
     found = bool(setup.solve(cfg.time_limit_s)) and setup.haveExactSolutionPath()
-    seconds = clock() - begun
+    seconds = now_s() - begun
     if not found:
         return (None, seconds), (None, seconds)
     raw = path()
     setup.simplifySolution(simplify_s)
-    return (raw, seconds), (path(), clock() - begun)
+    return (raw, seconds), (path(), now_s() - begun)
 
 
 def search_alone(model: CollisionModel, start: Array, goal: Array, cfg: PlannerCfg) -> Found:
     """RRT-Connect as the planner runs it, without shortcuts and checks after it."""
-    begun = clock()
+    begun = now_s()
     path = rrt_connect(model, start, goal[None], cfg, until=time.perf_counter() + cfg.time_limit_s)
-    return path, clock() - begun
+    return path, now_s() - begun
 
 
 def numbers(found: list[Found]) -> dict[str, float | str]:
@@ -122,9 +122,9 @@ def scene_rows(robot: str, scene: str, pairs_n: int, cfg: PlannerCfg) -> None:
         raw, short = plain_ompl(model, start, goal, cfg, simplify_s=0.3)
         theirs.append(raw)
         simplified.append(short)
-        begun = clock()
+        begun = now_s()
         plan = planner.plan(start, goal, mode="rrt_connect")
-        plans.append((plan.path, clock() - begun))
+        plans.append((plan.path, now_s() - begun))
     for name, mine, peer in (("search", ours, theirs), ("search, shortcuts, checks", plans, simplified)):
         row, peer_row = numbers(mine), numbers(peer)
         print_row(
@@ -161,9 +161,9 @@ def moving_goals(replan: Replan, trials: int, cfg: PlannerCfg) -> list[dict]:
         q, before = np.array([1.2, -1.4, 1.2, -1.4, -1.57, 0.0]), None
         for tick in range(20):
             T = tool_down(x, y + speed * tick, 0.12)
-            begun = clock()
+            begun = now_s()
             plan = replan(planner, q, T, before)
-            ms = (clock() - begun) * 1e3
+            ms = (now_s() - begun) * 1e3
             if before is not None:  # without one there is nothing to reuse
                 kept = keeps_posture(model, before, T)
                 rows.append({"ms": ms, "plan": plan, "deviation_rad": deviation(before, plan, q), "kept": kept})
