@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from tr_grasp.objects import ObjectModel, object_set
-from tr_grasp.objects.sets import PROCEDURAL
+from tr_grasp.objects.sets import PROCEDURAL, PROCEDURAL_WIDE
 from tr_grasp.sensing import Body, PinholeCamera, RaycastScene
 
 TILE_PX, OVERSAMPLING, COLUMNS_N = 240, 3, 8
@@ -44,7 +44,7 @@ def sheet(source: str, split: str) -> Image.Image:
 def chosen_models(source: str, split: str) -> list[ObjectModel]:
     """One model of each object of a folder, or two of each procedural family, in the order of the set's names."""
     objects, rng = object_set(source, split, overlap="leave_out"), np.random.default_rng(0)
-    each_n = 2 if source == PROCEDURAL else 1
+    each_n = 2 if source in (PROCEDURAL, PROCEDURAL_WIDE) else 1
     found: dict[str, list[ObjectModel]] = {name: [] for name in objects.names}
     for _ in range(DRAWS_N):
         model = objects.sample(rng)

@@ -1,5 +1,7 @@
 """The simulated task: what must hold whatever the objects are."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -116,6 +118,26 @@ def test_the_expert_lifts_most_single_objects_and_the_stages_pay_400():
     assert np.mean(ends) >= 0.85
 
 
+def test_a_book_wider_than_the_hand_is_lifted_by_a_corner_once_friction_converges():
+    """Pads at 45 degrees to the flanks need friction above 1: the books' 1 and the fingers' 1.5 make 1.25."""
+    heavy = replace(ONE, source="procedural_wide", orientation="upright_yaw", mass_range_kg=(0.25, 0.25))
+    books = replace(heavy, friction_range=(1.0, 1.0))
+    seeds = (35, 73, 148)
+    lifted = {}
+    for iterations in (15, 40):
+        env = make_env(EnvCfg(objects=books, observation=LABELLED, contact_iterations=iterations, episode_steps=40))
+        lifted[iterations] = 0
+        for seed in seeds:
+            env.set_seed(seed)
+            steps = expert_rollout(env)
+            assert env.task.models[0].family == "book"
+            assert env.task.models[0].extents_m[1] > 0.08
+            lifted[iterations] += bool(steps[-1]["next", keys.SUCCESS])
+        env.close()
+    assert lifted[40] == len(seeds)
+    assert lifted[15] < len(seeds)
+
+
 def test_an_idle_robot_is_truncated_not_terminated():
     env = make_env(EnvCfg(objects=ONE, episode_steps=5), seed=3)
     steps = env.rollout(50, lambda td: td.set(keys.ACTION, torch.tensor([0.0, 0, 0, 0, 1])))
@@ -168,8 +190,6 @@ def test_the_network_is_told_the_sizes_of_the_task():
 
 @pytest.mark.render
 def test_both_cameras_see_the_same_depth():
-    from dataclasses import replace
-
     from tr_grasp.configs import CameraCfg
 
     env = make_env(EnvCfg(camera=CameraCfg(backend="sapien", image_size_px=96)), seed=2)

@@ -4,24 +4,26 @@ from hypothesis import strategies as st
 
 from tr_grasp.geometry import wrap_half_turn
 from tr_grasp.grasps import GripperShape, HeightMap, top_down_grasps
-from tr_grasp.grasps.top_down import _max_over_offsets
+from tr_grasp.grasps.top_down import Demands, _max_over_offsets
 
 CELL = 0.004
 N = 81
 AXIS = (np.arange(N) - (N - 1) / 2) * CELL
+CORNERS = Demands(flatness=0.05, corner_width_m=0.036)
 
 
-def scene(*blocks: tuple[float, float, float, float, float, float]) -> tuple[HeightMap, np.ndarray]:
+def scene(*blocks: tuple[float, float, float, float, float, float], cell: float = CELL) -> tuple[HeightMap, np.ndarray]:
     """A height map of blocks (x, y, length, width, height, yaw) and their centres."""
-    x, y = np.meshgrid(AXIS, AXIS, indexing="ij")
-    height, owner = np.zeros((N, N)), np.full((N, N), -1)
+    axis = np.arange(AXIS[0], -AXIS[0] + cell / 2, cell)
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    height, owner = np.zeros(x.shape), np.full(x.shape, -1)
     for index, (cx, cy, length, width, top, yaw) in enumerate(blocks):
         u = (x - cx) * np.cos(yaw) + (y - cy) * np.sin(yaw)
         w = -(x - cx) * np.sin(yaw) + (y - cy) * np.cos(yaw)
         inside = (np.abs(u) <= length / 2) & (np.abs(w) <= width / 2)
         height = np.where(inside & (top > height), top, height)
         owner = np.where(inside & (top >= height), index, owner)
-    return HeightMap(height, owner, (AXIS[0], AXIS[0]), CELL), np.array([block[:2] for block in blocks])
+    return HeightMap(height, owner, (AXIS[0], AXIS[0]), cell), np.array([block[:2] for block in blocks])
 
 
 @settings(max_examples=20)
@@ -45,6 +47,40 @@ def test_the_depth_is_set_by_the_palm_for_a_tall_block_and_by_the_table_for_a_fl
 
 def test_a_block_wider_than_the_opening_cannot_be_taken():
     assert len(top_down_grasps(*scene((0, 0, 0.12, 0.12, 0.05, 0)))) == 0
+
+
+def test_a_block_wider_than_the_opening_is_taken_by_its_corners_if_they_will_do():
+    block = scene((0, 0, 0.12, 0.12, 0.05, 0), cell=0.002)
+    found = top_down_grasps(*block, demands=CORNERS)
+    assert len(found)
+    # Pads over a diagonal, so that both flanks slant by 45 degrees: its end is 85 mm from the middle, and what is
+    # held between pads 18 mm wide is twice as wide as the corner is deep there.
+    slant = np.abs(wrap_half_turn(2 * (found.yaw_rad - np.pi / 4))) / 2
+    assert slant.max() < 0.25
+    corner_m = 0.06 * np.sqrt(2) - np.linalg.norm(found.position[:, :2], axis=1)
+    np.testing.assert_allclose(found.width_m, 2 * (corner_m + 0.009), atol=0.01)
+    assert found.width_m.min() >= CORNERS.corner_width_m
+    assert len(top_down_grasps(*block)) == 0
+
+
+def test_a_tight_fit_is_taken_if_less_room_beside_it_will_do():
+    block = scene((0, 0.001, 0.12, 0.075, 0.05, 0), cell=0.002)
+    tight = top_down_grasps(*block, demands=Demands(spare_m=0.003))
+    assert len(tight)
+    np.testing.assert_allclose(tight.width_m, 0.075, atol=0.002)
+    assert len(top_down_grasps(*block)) == 0
+
+
+def test_a_dish_wider_than_the_opening_is_taken_by_its_rim():
+    x, y = np.meshgrid(AXIS, AXIS, indexing="ij")
+    radius = np.hypot(x, y)
+    height = np.where(radius < 0.058, np.where(radius > 0.052, 0.02, 0.004), 0.0)
+    dish = HeightMap(height, np.where(radius < 0.058, 0, -1), (AXIS[0], AXIS[0]), CELL)
+    found = top_down_grasps(dish, np.zeros((1, 2)))
+    assert len(found)
+    np.testing.assert_allclose(np.linalg.norm(found.position[:, :2], axis=1), 0.055, atol=0.008)
+    # The finger inside stays 3 mm over the bottom, 16 mm under the rim.
+    np.testing.assert_allclose(found.depth_m, 0.013, atol=1e-9)
 
 
 def test_an_empty_table_offers_nothing():

@@ -5,10 +5,12 @@ import pytest
 import trimesh
 
 from tr_grasp.objects import FAMILIES, ObjectModel, family_names
+from tr_grasp.objects.families import WIDE
 from tr_grasp.objects.family import OUTER_SHARE, SPLITS, family
 from tr_grasp.objects.model import MAX_PART_VERTICES, distance_outside
 
-NAMES = sorted(FAMILIES)
+ALL = FAMILIES | WIDE
+NAMES = sorted(ALL)
 SAMPLES_N = 200
 GRIPPER_OPENING_M = 0.08
 
@@ -25,7 +27,7 @@ def is_same(first: ObjectModel, second: ObjectModel) -> bool:
 def samples(request) -> list[ObjectModel]:
     name, split = request.param
     rng = np.random.default_rng(0)
-    return [FAMILIES[name].sample(split, rng) for _ in range(SAMPLES_N)]
+    return [ALL[name].sample(split, rng) for _ in range(SAMPLES_N)]
 
 
 def test_every_size_fits_the_workspace_and_the_gripper(samples):
@@ -34,7 +36,7 @@ def test_every_size_fits_the_workspace_and_the_gripper(samples):
     assert diagonals.min() > 0.055
     assert diagonals.max() < 0.18
     # A gripper reaches around two of the three extents, or around a thin wall or a bar.
-    slender = samples[0].family in {"bowl", "plate", "ring", "tee", "cross", "bracket", "mug", "hammer"}
+    slender = samples[0].family in {"bowl", "plate", "ring", "tee", "cross", "bracket", "mug", "hammer", *WIDE}
     assert (extents[:, 0] < 0.065).all()
     assert slender or (extents[:, 1] < GRIPPER_OPENING_M - 0.01).all()
 
@@ -74,7 +76,7 @@ def test_the_visual_is_the_parts_with_one_colour_a_face(samples):
 
 
 def test_the_same_seed_gives_the_same_object_and_another_seed_another(samples):
-    kind = FAMILIES[samples[0].family]
+    kind = ALL[samples[0].family]
     first, again, other = (kind.sample("train", np.random.default_rng(seed)) for seed in (5, 5, 6))
     assert is_same(first, again)
     assert first.name != other.name
@@ -83,7 +85,7 @@ def test_the_same_seed_gives_the_same_object_and_another_seed_another(samples):
 @pytest.mark.parametrize("name", NAMES)
 def test_training_draws_from_the_middle_of_every_range_and_testing_from_its_ends(name):
     rng = np.random.default_rng(2)
-    kind = FAMILIES[name]
+    kind = ALL[name]
     for key, (low, high) in kind.ranges.items():
         shares = {
             split: [(kind.draw(split, rng)[key] - low) / (high - low) for _ in range(SAMPLES_N)] for split in SPLITS

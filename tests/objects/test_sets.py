@@ -18,6 +18,15 @@ def test_the_training_set_never_gives_a_held_out_family():
     assert seen == set(objects.names) == set(family_names("train"))
 
 
+def test_wide_families_are_in_a_set_of_their_own_and_leave_held_out_scenes_alone():
+    wide, rng = object_set("procedural_wide", "train"), np.random.default_rng(0)
+    assert set(wide.names) == {*family_names("train"), "book", "carton", "dish", "tray"}
+    assert {"book", "tray"} <= {wide.sample(rng).family for _ in range(300)}
+    # Names carry a checksum of the dimensions: these objects were drawn before there were wide ones.
+    held_out = [object_set("procedural", "test").sample(np.random.default_rng(seed)).name for seed in range(4)]
+    assert held_out == ["tool-07e75417", "plate-550f39c9", "ring-776d16a8", "ring-ab62bdcd"]
+
+
 def test_a_set_can_be_narrowed_to_families_of_its_split():
     objects = ProceduralSet("test", ["can", "box"])
     assert {objects.sample(np.random.default_rng(seed)).family for seed in range(20)} == {"can", "box"}

@@ -222,6 +222,32 @@ def test_the_expert_keeps_its_noise_for_an_episode_and_its_label_clean():
     assert 3 < noisy_episodes < 17
 
 
+def test_the_expert_wanders_with_an_open_gripper_before_it_goes_to_its_grasp():
+    expert = ScriptedExpert((), 0.0, wander_steps=3)
+    label = torch.tensor([0.1, 0.1, 0.1, 0.1, -1.0])
+    lengths = []
+    for _ in range(60):
+        actions = torch.stack(
+            [expert(TensorDict({EXPERT_ACTION: label, "step_count": torch.tensor([k])}))[ACTION] for k in range(5)]
+        )
+        wanders = (actions != label).any(1)
+        lengths.append(int(wanders.sum()))
+        assert wanders[: lengths[-1]].all()
+        assert (actions[wanders, -1] == 1.0).all()
+        assert (actions[wanders, :-1].abs() <= 1.0).all()
+    assert set(lengths) == {0, 1, 2, 3}
+
+
+def test_each_environment_of_a_batch_wanders_for_its_own_time():
+    expert = ScriptedExpert((), 0.0, wander_steps=4)
+    label = torch.full((200, 5), -1.0)
+    wandered = torch.zeros(200)
+    for k in range(6):
+        state = TensorDict({EXPERT_ACTION: label, "step_count": torch.full((200, 1), k)}, [200])
+        wandered += (expert(state)[ACTION] != label).any(1)
+    assert {0, 1, 2, 3, 4} == set(wandered.int().tolist())
+
+
 def test_the_experts_gripper_is_flipped_now_and_then():
     expert = ScriptedExpert((), 0.25)
     state = TensorDict({EXPERT_ACTION: torch.ones(5), "step_count": torch.tensor([1])})

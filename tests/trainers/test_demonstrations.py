@@ -28,7 +28,9 @@ STACK_N = 2
 def recording(**changes) -> Recording:
     cfg = train_cfg()
     env = replace(cfg.env, observation=replace(cfg.env.observation, expert_labels=True))
-    return replace(Recording(env, noise_scale=(0.3, 0.6), gripper_flip_probability=0.2, episode_steps=9), **changes)
+    return replace(
+        Recording(env, noise_scale=(0.3, 0.6), gripper_flip_probability=0.2, wander_steps=2, episode_steps=9), **changes
+    )
 
 
 def record(path: Path, seeds=range(4), how: Recording | None = None, **kwargs) -> DemonstrationFile:
@@ -41,7 +43,7 @@ def in_memory(seed: int, how: Recording | None = None) -> TensorDict:
     env = TransformedEnv(make_env(how.env), StepCounter(how.episode_steps))
     env.set_seed(seed)
     torch.manual_seed(seed)
-    return env.rollout(100, ScriptedExpert(how.noise_scale, how.gripper_flip_probability))
+    return env.rollout(100, ScriptedExpert(how.noise_scale, how.gripper_flip_probability, how.wander_steps))
 
 
 def assert_same(a: TensorDict, b: TensorDict) -> None:

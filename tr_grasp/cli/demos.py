@@ -217,7 +217,11 @@ def _recording(cfg: RecordCfg) -> Any:
         observation=replace(env.observation, expert_labels=True, image=False),
     )
     shown = preset.demonstrations
-    noise = {"noise_scale": shown.noise_scale, "gripper_flip_probability": shown.gripper_flip_probability}
+    noise = {
+        "noise_scale": shown.noise_scale,
+        "gripper_flip_probability": shown.gripper_flip_probability,
+        "wander_steps": shown.wander_steps,
+    }
     steps = {"episode_steps": shown.episode_steps} if cfg.noise else {"episode_steps": env.episode_steps}
     return Recording(env, **(noise if cfg.noise else {}), **steps)
 

@@ -131,7 +131,7 @@ class AlgorithmCfg:
     normalise_actor_loss: bool = True
     """Divide the actor's loss by the mean absolute value so that imitation keeps its weight."""
 
-    actor_warmup_updates: int = 1_000
+    actor_warmup_updates: int = 3_000
     """The actor's reinforcement term grows linearly over this many updates (0: at once)."""
 
     actor_every_n: int | None = None

@@ -62,8 +62,9 @@ class ObjectsCfg:
     """What is to be grasped and how it lies."""
 
     source: str = "procedural"
-    """``procedural``; a folder of meshes in the package's layout, that of ManiSkill's YCB or of Google Scanned Objects;
-    or the name of one in the folder that the variable TR_GRASP_OBJECTS names."""
+    """``procedural``; ``procedural_wide``, which has families that are wider than a hand besides; a folder of meshes in
+    the package's layout, that of ManiSkill's YCB or of Google Scanned Objects; or the name of one in the folder that
+    the variable TR_GRASP_OBJECTS names."""
 
     overlap: Literal["refuse", "leave_out"] = "refuse"
     """A folder with the same object in both splits: refuse it, or leave that object out of the test split."""
@@ -170,6 +171,10 @@ class EnvCfg:
     physics_hz: int = 100
     """Physics steps per second of simulated time."""
 
+    contact_iterations: int = 40
+    """Solver iterations of a physics step for objects that lie or are held, and for what touches them. With 15, as
+    policies were trained before there was this setting, friction holds less than its coefficient says."""
+
     episode_steps: int = 100
     """Policy steps after which an episode is truncated."""
 
@@ -229,6 +234,10 @@ class EnvCfg:
         require(
             not (self.randomise.latency and self.action.execution == "planned"),
             "env.randomise.latency works with env.action.execution cartesian only, got planned",
+        )
+        require(
+            1 <= self.contact_iterations <= 255,
+            f"env.contact_iterations must be 1..255, got {self.contact_iterations}",
         )
         require(self.episode_steps >= 1, f"env.episode_steps must be at least 1, got {self.episode_steps}")
         require(

@@ -67,6 +67,10 @@ class DemonstrationCfg:
     gripper_flip_probability: float = 0.05
     """Chance of opening instead of closing, or the reverse, in a step."""
 
+    wander_steps: int = 4
+    """An episode begins with up to so many random motions, so that its states are not all near the grasp, from which
+    nobody can learn to find it."""
+
     episode_steps: int = 20
     """Demonstration episodes are cut here."""
 
@@ -78,7 +82,7 @@ class DemonstrationCfg:
 class ImitationCfg:
     """Behaviour-cloning term on expert labels, beside the reinforcement losses."""
 
-    pretrain_updates: int = 1_500
+    pretrain_updates: int = 2_000
     """Updates with the imitation loss alone, before anything is collected."""
 
     weight_initial: float = 2.0
@@ -90,7 +94,7 @@ class ImitationCfg:
     decay_env_steps: int = 10_000
     """Environment steps over which the weight changes linearly."""
 
-    localisation_weight: float = 1.0
+    localisation_weight: float = 3.0
     """Weight of predicting, from the features, where the expert's grasp lies; it falls with the imitation weight."""
 
     states: Literal["demonstrations", "all"] = "demonstrations"

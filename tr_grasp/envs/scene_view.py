@@ -106,10 +106,10 @@ class SceneView:
         finally:
             camera.remove()
 
-    def height_map(self) -> HeightMap:
+    def height_map(self, cell_m: float) -> HeightMap:
         """Table and objects from above, without the robot."""
         w = self._cfg.workspace
-        return height_map(self.raycast, self.poses(), self._objects, w.centre_m[:2], w.side_m + 0.08)
+        return height_map(self.raycast, self.poses(), self._objects, w.centre_m[:2], w.side_m + 0.08, cell_m)
 
     @cached_property
     def _raycast_camera(self) -> RaycastCamera:

@@ -18,11 +18,15 @@ from tr_grasp.envs.expert import (
     wait_action,
 )
 from tr_grasp.grasps import GripperShape, HeightMap, TopDownGrasps, top_down_grasps
+from tr_grasp.grasps.top_down import USUAL, Demands
 
 Array = NDArray[np.floating]
 Label = tuple[NDArray[np.float32], NDArray[np.float32]]
 MOVED = 0.004
 """Change of an entry of a pose matrix (metres, or about radians) from which an object has moved."""
+CELL_M, FINE_CELL_M = 0.004, 0.002
+LAST_RESORT = Demands(depth_m=0.005, spare_m=0.003, flatness=0.05, corner_width_m=0.036)
+"""Corners of what is wider than the gripper opens, tight fits and low rims: looked for where nothing else is found."""
 
 
 class ScriptedExpert:
@@ -30,11 +34,11 @@ class ScriptedExpert:
 
     Args:
         cfg: The task.
-        look: Measures the scene from above.
+        look: Measures the scene from above, with cells of the given edge [m].
         gripper: What it grasps with.
     """
 
-    def __init__(self, cfg: EnvCfg, look: Callable[[], HeightMap], gripper: GripperShape) -> None:
+    def __init__(self, cfg: EnvCfg, look: Callable[[float], HeightMap], gripper: GripperShape) -> None:
         self._cfg, self._look, self._gripper = cfg, look, gripper
         self._planned_for: Array | None = None
 
@@ -61,13 +65,19 @@ class ScriptedExpert:
         """Grasps of the present scene, searched anew only if an object has moved since."""
         if self._planned_for is None or np.abs(poses - self._planned_for).max() >= MOVED:
             self._planned_for = poses
-            w = self._cfg.workspace
-            centre, half = np.array(w.centre_m[:2]), w.side_m / 2
-            self._grasps = top_down_grasps(
-                self._look(),
-                poses[:, :2, 3],
-                gripper=self._gripper,
-                lowest_tcp_m=w.tcp_height_m[0],
-                within_m=(centre - half, centre + half),
-            )
+            self._grasps = self._found(poses, USUAL, CELL_M)
+            if not len(self._grasps):
+                self._grasps = self._found(poses, LAST_RESORT, FINE_CELL_M)
         return self._grasps
+
+    def _found(self, poses: Array, demands: Demands, cell_m: float) -> TopDownGrasps:
+        w = self._cfg.workspace
+        centre, half = np.array(w.centre_m[:2]), w.side_m / 2
+        return top_down_grasps(
+            self._look(cell_m),
+            poses[:, :2, 3],
+            gripper=self._gripper,
+            demands=demands,
+            lowest_tcp_m=w.tcp_height_m[0],
+            within_m=(centre - half, centre + half),
+        )

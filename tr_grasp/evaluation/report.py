@@ -143,6 +143,8 @@ def describe_objects(env: EnvCfg) -> str:
     objects = env.objects
     if objects.source == "procedural":
         return "held-out procedural objects" if objects.split == "test" else "procedural training objects"
+    if objects.source == "procedural_wide":
+        return f"procedural objects, wide ones among them ({objects.split} split)"
     return f"objects of {'/'.join(Path(objects.source).parts[-2:])}"
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from tr_grasp.configs import EnvCfg, ObjectsCfg
 from tr_grasp.errors import ConfigError, unknown_name
-from tr_grasp.objects.sets import source_folder
+from tr_grasp.objects.sets import PROCEDURAL, PROCEDURAL_WIDE, source_folder
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,8 @@ def named_suites(which: str, base: EnvCfg, *, objects: str, episodes: int, first
     Args:
         which: A name in ``ARRANGEMENTS``, or ``all``.
         base: What the policy was trained in: its camera, observation, action and control rate are kept.
-        objects: ``test`` or ``train`` for procedural objects, else a folder of meshes (its test part, if it has one).
+        objects: ``test`` or ``train`` for procedural objects; ``procedural_wide`` or a folder of meshes for their test
+            split.
         episodes: Episodes of each suite.
         first_seed: Seed of the first episode of each suite.
 
@@ -82,14 +83,16 @@ def named_suites(which: str, base: EnvCfg, *, objects: str, episodes: int, first
 
 
 def objects_from(objects: str, base: ObjectsCfg) -> ObjectsCfg:
-    """Procedural objects of a split (``test``, ``train``) or meshes from a folder.
+    """Procedural objects of a split (``test``, ``train``), wider ones (``procedural_wide``), or meshes from a folder.
 
     Raises:
         ConfigError: If it is neither a split nor a folder.
     """
     for split in PROCEDURAL_SPLITS:
         if objects == split:
-            return replace(base, source="procedural", split=split)
+            return replace(base, source=PROCEDURAL, split=split)
+    if objects == PROCEDURAL_WIDE:
+        return replace(base, source=PROCEDURAL_WIDE, split="test")
     try:
         folder = source_folder(objects)
     except ConfigError as error:

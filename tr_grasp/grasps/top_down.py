@@ -82,11 +82,35 @@ class TopDownGrasps:
         )
 
 
+@dataclass(frozen=True)
+class Demands:
+    """What a grasp must offer; the defaults hold nearly always, less is a last resort.
+
+    Attributes:
+        depth_m: How far fingertips reach below the top of what they hold.
+        spare_m: By how much the open fingers are farther apart than it is wide.
+        flatness: How parallel to the pads its flanks run, 0..1: at 0.25 they meet them at 45 degrees.
+        corner_width_m: Width of what is held where its flanks are no flatter than ``CORNER``, in which case the
+            object tends to slide out of the grip.
+    """
+
+    depth_m: float = 0.006
+    spare_m: float = 0.006
+    flatness: float = 0.3
+    corner_width_m: float = 0.0
+
+
+USUAL = Demands()
+CORNER = 0.3
+"""Flatness of flanks that meet the pads at about 45 degrees."""
+
+
 def top_down_grasps(
     scene: HeightMap,
     centres: Array,
     *,
     gripper: GripperShape = FRANKA_HAND,
+    demands: Demands = USUAL,
     lowest_tcp_m: float = 0.012,
     within_m: tuple[ArrayLike, ArrayLike] = ((-np.inf, -np.inf), (np.inf, np.inf)),
     yaws_n: int = 16,
@@ -98,13 +122,16 @@ def top_down_grasps(
         scene: The scene from above.
         centres: (objects, 2) horizontal centre of mass of each object [m].
         gripper: Its shape.
+        demands: What a grasp must offer.
         lowest_tcp_m: Lowest tcp above the table.
         within_m: Corners (x, y) of the rectangle in which the tcp can be.
         yaws_n: Closing directions tried, over half a turn.
         per_object_n: Grasps kept for each object, at most one per 12 mm and closing direction.
     """
     yaws = np.arange(yaws_n) * np.pi / yaws_n
-    found = TopDownGrasps.joined([_grasps_at(scene, centres, float(yaw), gripper, lowest_tcp_m) for yaw in yaws])
+    found = TopDownGrasps.joined(
+        [_grasps_at(scene, centres, float(yaw), gripper, demands, lowest_tcp_m) for yaw in yaws]
+    )
     xy, low, high = found.position[:, :2], np.asarray(within_m[0], float), np.asarray(within_m[1], float)
     found = found.subset(np.flatnonzero(((xy >= low) & (xy <= high)).all(axis=1)))
     order = np.concatenate([np.zeros(0, int), *(_diverse(found, k, per_object_n) for k in range(len(centres)))])
@@ -112,31 +139,34 @@ def top_down_grasps(
 
 
 def _grasps_at(
-    scene: HeightMap, centres: Array, yaw: float, gripper: GripperShape, lowest_tcp_m: float
+    scene: HeightMap, centres: Array, yaw: float, gripper: GripperShape, demands: Demands, lowest_tcp_m: float
 ) -> TopDownGrasps:
     """All grasps with one closing direction."""
     cell = scene.cell_m
     half = round(gripper.opening_m / 2 / cell)
     height, owner = _turned(scene, yaw)
-    slab = maximum_filter1d(height, _odd(gripper.pad_width_m / cell), axis=1, mode="nearest")
+    pad = _odd(gripper.pad_width_m / cell)
+    slab = maximum_filter1d(height, pad, axis=1, mode="nearest")
     between = maximum_filter1d(slab, 2 * (half - 1) + 1, axis=0, mode="nearest")
     tcp = _lowest_free_tcp(height, slab, between, gripper, cell, lowest_tcp_m)
     engaged = between - (tcp - gripper.tip_below_tcp_m)
-    i, j = np.nonzero(engaged > 0.006)
+    i, j = np.nonzero(engaged > demands.depth_m)
     inside = (i >= half) & (i < len(height) - half)
     i, j = i[inside], j[inside]
     # The pads meet what rises above the middle between fingertip and tcp.
     left, right = _ends_between(slab, i, j, tcp[i, j] - 0.004, half)
     wide = (right - left + 1) * cell
-    kept = (np.abs(left + right) <= 2) & (wide <= gripper.opening_m - 0.006) & (right >= left)
+    kept = (np.abs(left + right) * cell <= 0.008) & (wide <= gripper.opening_m - demands.spare_m) & (right >= left)
     i, j, left, right = i[kept], j[kept], left[kept], right[kept]
-    flat = _flatness(height, i, j, tcp[i, j] - 0.004, half)
+    flat = _flatness(height, i, j, tcp[i, j] - 0.004, half, cell)
+    if demands.flatness < CORNER:
+        # Beside a corner the middle of the pad has the table under it, and an edge of the pad the object.
+        owner = np.where(owner >= 0, owner, maximum_filter1d(owner, pad, axis=1, mode="nearest"))
     held, other = (owner[np.clip(i + end, 0, len(owner) - 1), j] for end in (left, right))
-    held = np.where(held >= 0, held, other)
-    # Flanks that meet the pads at 45 degrees are a corner: it turns out of the grip.
-    kept = (held >= 0) & (other == held) & (flat > 0.3)
-    i, j, left, right, flat, held = i[kept], j[kept], left[kept], right[kept], flat[kept], held[kept]
     width = (right - left + 1) * cell
+    firm = (flat > demands.flatness) & ((flat > CORNER) | (width >= demands.corner_width_m))
+    kept = (held >= 0) & (other == held) & firm
+    i, j, left, right, flat, held, width = (each[kept] for each in (i, j, left, right, flat, held, width))
     slope = _slope(slab, i, j, tcp[i, j] - 0.004, right - left, half, cell)
     middle = (len(height) - 1) / 2
     u, w = (i + (left + right) / 2 - middle) * cell, (j - middle) * cell
@@ -210,15 +240,16 @@ def _ends_between(surface: Array, i: Index, j: Index, level: Array, half: int) -
     return left - half + 1, right - half + 1
 
 
-def _flatness(height: Array, i: Index, j: Index, level: Array, half: int) -> Array:
-    """(k,) how parallel the flanks run to the pads, 0..1: compared at the middle and both edges of the pads."""
+def _flatness(height: Array, i: Index, j: Index, level: Array, half: int, cell: float) -> Array:
+    """(k,) how parallel the flanks run to the pads, 0..1: compared at the middle and 8 mm to either side."""
     rows = np.clip(i[:, None] + np.arange(-half + 1, half), 0, len(height) - 1)
     edges = []
-    for across in (-2, 0, 2):
+    aside = round(0.008 / cell)
+    for across in (-aside, 0, aside):
         solid = height[rows, np.clip(j + across, 0, height.shape[1] - 1)[:, None]] > level[:, None]
         edges.append(np.where(solid.any(1), _ends(solid), 10 * half))
     spread = np.ptp(np.stack(edges), axis=0)
-    return np.clip(1.25 - spread.max(axis=0) / 4.0, 0.0, 1.0)
+    return np.clip(1.25 - spread.max(axis=0) * cell / 0.016, 0.0, 1.0)
 
 
 def _slope(slab: Array, i: Index, j: Index, level: Array, extent: Index, half: int, cell: float) -> Array:

@@ -1,4 +1,4 @@
-"""The procedural families, all of sizes that a gripper that opens 80 mm can take.
+"""The procedural families: those of ``FAMILIES`` have sizes that a gripper that opens 80 mm can take.
 
 Solids of one object touch and do not overlap, so that its mass and inertia are those of the real solid. A builder
 stands the object on any convenient origin; ``ObjectModel.assemble`` moves it to the centre of mass.
@@ -6,11 +6,14 @@ stands the object on any convenient origin; ``ObjectModel.assemble`` moves it to
 
 from __future__ import annotations
 
-from tr_grasp.objects import solids, tools, vessels
+from tr_grasp.objects import solids, tools, vessels, wide
 from tr_grasp.objects.family import Family, Split
 
 FAMILIES: dict[str, Family] = {family.name: family for family in (*solids.ALL, *vessels.ALL, *tools.ALL)}
-"""Every family by name."""
+"""Every family of the set ``procedural``, by name."""
+
+WIDE: dict[str, Family] = {family.name: family for family in wide.ALL}
+"""Those that the set ``procedural_wide`` has besides."""
 
 
 def family_names(split: Split) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from tr_grasp.errors import ConfigError, unknown_name
-from tr_grasp.objects.families import FAMILIES, family_names
+from tr_grasp.objects.families import FAMILIES, WIDE, family_names
 from tr_grasp.objects.family import SPLITS, Split
 from tr_grasp.objects.layouts import sub_folders
 from tr_grasp.objects.mesh_set import MeshSet
@@ -18,7 +18,7 @@ from tr_grasp.objects.model import ObjectModel
 from tr_grasp.objects.rejection import Rejection
 from tr_grasp.objects.splits import Overlap
 
-PROCEDURAL = "procedural"
+PROCEDURAL, PROCEDURAL_WIDE = "procedural", "procedural_wide"
 ROOT_VARIABLE = "TR_GRASP_OBJECTS"
 
 
@@ -43,6 +43,10 @@ class ObjectSet(Protocol):
 class ProceduralSet:
     """Random members of procedural families.
 
+    Args:
+        split: ``train`` or ``test``.
+        families: By name; all that are no wider than a hand by default.
+
     Raises:
         ConfigError: If a family does not exist or the split may not use it.
     """
@@ -51,16 +55,17 @@ class ProceduralSet:
     """Nothing: every member can be simulated."""
 
     def __init__(self, split: Split, families: Sequence[str] | None = None) -> None:
-        allowed = family_names(split)
+        allowed = [*family_names(split), *WIDE]
         for name in families or ():
             if name not in allowed:
                 raise ConfigError(unknown_name(f"{split} family", name, allowed))
         self.split: Split = split
-        self.names = tuple(families or allowed)
+        self.names = tuple(families or family_names(split))
 
     def sample(self, rng: np.random.Generator) -> ObjectModel:
         """A random member of a random family, with random colours."""
-        return FAMILIES[self.names[rng.integers(len(self.names))]].sample(self.split, rng)
+        name = self.names[rng.integers(len(self.names))]
+        return (FAMILIES | WIDE)[name].sample(self.split, rng)
 
 
 def object_set(
@@ -74,8 +79,8 @@ def object_set(
     """The objects that a setting asks for.
 
     Args:
-        source: ``procedural``; the path of a folder of objects (see ``MeshSet``); or the name of one in ``root``, such
-            as ``household`` or ``ycb``.
+        source: ``procedural``; ``procedural_wide``, which has families that are wider than a hand besides; the path of
+            a folder of objects (see ``MeshSet``); or the name of one in ``root``, such as ``household`` or ``ycb``.
         split: ``train`` or ``test``; a folder that knows no splits serves either (see ``splits.objects_of``).
         diagonal_range_m: Range of the bounding-box diagonals to which meshes are scaled; none leaves them as they are.
         root: Folder of folders of objects, by default what the environment variable ``TR_GRASP_OBJECTS`` names.
@@ -90,6 +95,8 @@ def object_set(
         raise ConfigError(unknown_name("objects.split", split, SPLITS))
     if source == PROCEDURAL:
         return ProceduralSet(split)
+    if source == PROCEDURAL_WIDE:
+        return ProceduralSet(split, [*family_names(split), *WIDE])
     return MeshSet(source_folder(source, root), split, diagonal_range_m, overlap=overlap)
 
 
@@ -107,7 +114,7 @@ def source_folder(source: str, root: str | Path | None = None) -> Path:
     for folder in candidates:
         if folder.is_dir():
             return folder
-    names = [PROCEDURAL, *(path.name for path in sub_folders(base))] if base else [PROCEDURAL]
+    names = [PROCEDURAL, PROCEDURAL_WIDE, *(path.name for path in (sub_folders(base) if base else []))]
     place = f"in {base}" if base else f"in the folder that {ROOT_VARIABLE} names"
     raise ConfigError(
         f"{unknown_name('objects.source', source, names)} It may also be the path of an existing folder with one"

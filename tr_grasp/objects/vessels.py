@@ -36,7 +36,7 @@ def bottle(
 )
 def bowl(base_radius_m: float, rim_radius_m: float, height_m: float, wall_m: float) -> Groups:
     """A wide vessel with a slanted wall."""
-    return [_vessel(base_radius_m, rim_radius_m, height_m, wall_m)]
+    return [round_vessel(base_radius_m, rim_radius_m, height_m, wall_m)]
 
 
 @family(
@@ -61,7 +61,7 @@ def mug(
     arm_z = (handle_height_m - thick) / 2
     arms = [shapes.box((bar_m, thick, thick), (side + bar_m / 2, 0, middle_z + z)) for z in (-arm_z, arm_z)]
     grip = shapes.box((thick, thick, handle_height_m), (side + bar_m + thick / 2, 0, middle_z))
-    return [_vessel(radius_m, radius_m, height_m, wall_m), [*arms, grip]]
+    return [round_vessel(radius_m, radius_m, height_m, wall_m), [*arms, grip]]
 
 
 @family(
@@ -82,7 +82,7 @@ def plate(
 ) -> Groups:
     """A shallow dish with a raised rim, on a foot by which it can be taken upside down."""
     foot = shapes.cylinder(foot_radius_m, -foot_height_m, 0)
-    return [_vessel(base_share * radius_m, radius_m, depth_m, thickness_m), [foot]]
+    return [round_vessel(base_share * radius_m, radius_m, depth_m, thickness_m), [foot]]
 
 
 @family(
@@ -94,7 +94,7 @@ def plate(
 )
 def cup(base_radius_m: float, rim_radius_m: float, height_m: float, wall_m: float) -> Groups:
     """A tall vessel that widens to the rim."""
-    return [_vessel(base_radius_m, rim_radius_m, height_m, wall_m)]
+    return [round_vessel(base_radius_m, rim_radius_m, height_m, wall_m)]
 
 
 @family(
@@ -113,7 +113,7 @@ def can(radius_m: float, height_m: float, rim_height_m: float, rim_inset_m: floa
     return [[body], [bottom, top]]
 
 
-def _vessel(base_radius_m: float, rim_radius_m: float, height_m: float, wall_m: float) -> list[shapes.Solid]:
+def round_vessel(base_radius_m: float, rim_radius_m: float, height_m: float, wall_m: float) -> list[shapes.Solid]:
     """A floor of the wall's thickness and a wall that stands on the floor's edge."""
     floor_share = wall_m / height_m
     floor_radius = base_radius_m + floor_share * (rim_radius_m - base_radius_m)

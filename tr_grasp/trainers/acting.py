@@ -12,6 +12,9 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from tr_grasp.keys import ACTION, EXPERT_ACTION
 
+OPEN = 1.0
+"""The gripper command that opens."""
+
 STEP_COUNT = "step_count"
 """int64 ``(1,)``: steps since the episode began, as TorchRL's ``StepCounter`` writes it."""
 
@@ -73,15 +76,24 @@ class ExploringPolicy(TensorDictModuleBase):
 class ScriptedExpert(TensorDictModuleBase):
     """The expert's action with noise that is drawn anew for each episode, and now and then the wrong gripper command.
 
-    The label ``expert_action`` stays clean, so an imitator learns how to come back from where the noise leads.
+    The label ``expert_action`` stays clean, so an imitator learns how to come back from where the noise leads. The
+    expert goes straight to its grasp, so nearly all its states lie within centimetres of it, and where the grasp lies
+    hardly shows in its actions; an episode may therefore begin with motions at random.
+
+    Args:
+        noise_scale: Standard deviations of the noise on motions; an episode draws one. Without any there is no noise.
+        gripper_flip_probability: Chance of the wrong gripper command in a step.
+        wander_steps: Most random motions, with an open gripper, at the beginning of an episode, which draws how many.
     """
 
-    def __init__(self, noise_scale: Sequence[float], gripper_flip_probability: float) -> None:
+    def __init__(self, noise_scale: Sequence[float], gripper_flip_probability: float, wander_steps: int = 0) -> None:
         self.in_keys, self.out_keys = [EXPERT_ACTION, STEP_COUNT], [ACTION]
         super().__init__()
         self.noise_scale = tuple(noise_scale)
         self.gripper_flip_probability = gripper_flip_probability
+        self.wander_steps = wander_steps
         self._episode_noise = torch.zeros(())
+        self._episode_wandering = torch.zeros((), dtype=torch.long)
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Write ``action`` for one environment, or a batch of them."""
@@ -93,7 +105,18 @@ class ScriptedExpert(TensorDictModuleBase):
         action[..., :-1] += self._episode_noise[..., None] * torch.randn_like(action[..., :-1])
         flipped = torch.rand(tensordict.batch_size) < self.gripper_flip_probability
         action[..., -1] = torch.where(flipped, -action[..., -1], action[..., -1])
+        if self.wander_steps > 0:
+            wanders = self._wanders(tensordict)
+            action[..., :-1] = torch.where(wanders[..., None], _uniform(action[..., :-1]), action[..., :-1])
+            action[..., -1] = torch.where(wanders, OPEN, action[..., -1])
         return tensordict.set(ACTION, action.clamp(-1, 1))
+
+    def _wanders(self, tensordict: TensorDictBase) -> Tensor:
+        """Whether the episode is still in its random beginning, bool ``(*batch,)``."""
+        begins = _begins(tensordict)
+        drawn = torch.randint(self.wander_steps + 1, (int(begins.sum()),))
+        self._episode_wandering = _redrawn(self._episode_wandering, begins, drawn)
+        return tensordict[STEP_COUNT][..., 0] < self._episode_wandering
 
 
 class RandomActions(TensorDictModuleBase):
@@ -107,6 +130,11 @@ class RandomActions(TensorDictModuleBase):
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Write ``action`` for one environment, or a batch of them."""
         return tensordict.set(ACTION, 2 * torch.rand(*tensordict.batch_size, self.action_n) - 1)
+
+
+def _uniform(like: Tensor) -> Tensor:
+    """In [-1, 1]."""
+    return 2 * torch.rand_like(like) - 1
 
 
 def _begins(tensordict: TensorDictBase) -> Tensor:

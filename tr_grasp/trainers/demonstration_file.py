@@ -46,6 +46,9 @@ class Recording:
     gripper_flip_probability: float = 0.0
     """Chance of opening instead of closing, or the reverse, in a step."""
 
+    wander_steps: int = 0
+    """An episode begins with up to so many random motions."""
+
     episode_steps: int = 100
     """Episodes are cut here."""
 

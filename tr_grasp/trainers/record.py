@@ -47,7 +47,7 @@ class Recorder:
     """
 
     def __init__(self, recording: Recording, make_env: EnvMaker, commit: str | None) -> None:
-        self._expert = ScriptedExpert(recording.noise_scale, recording.gripper_flip_probability)
+        self._expert = ScriptedExpert(recording.noise_scale, recording.gripper_flip_probability, recording.wander_steps)
         self._env = TransformedEnv(make_env(recording.env, 0), StepCounter(recording.episode_steps))
         self._commit = commit or ""
 

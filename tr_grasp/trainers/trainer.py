@@ -126,7 +126,7 @@ class Trainer:
             self._load_demonstrations()
             return
         self._report(f"recording {cfg.transitions_n} transitions of the scripted expert")
-        expert = ScriptedExpert(cfg.noise_scale, cfg.gripper_flip_probability)
+        expert = ScriptedExpert(cfg.noise_scale, cfg.gripper_flip_probability, cfg.wander_steps)
         # Nothing is learned meanwhile, so a process more than later keeps all cores busy.
         workers_n = self._cfg.trainer.workers_n + 1
         plan = self._plan(labels=True, workers_n=workers_n, episode_steps=cfg.episode_steps)
