@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -29,8 +29,20 @@ def now_s() -> float:
     return time.process_time() if CLOCK == "cpu" else time.perf_counter()
 
 
+class Timing(NamedTuple):
+    """What calls took, and what the quickest took: on a busy machine the least disturbed one."""
+
+    median_ms: float
+    min_ms: float
+
+
 def median_ms(*calls: Callable[[], Any], repeats: int = 15) -> list[float]:
-    """Median time of each call. They take turns, so that another load on the machine falls on all alike."""
+    """Median time of each call, see :func:`timings`."""
+    return [timing.median_ms for timing in timings(*calls, repeats=repeats)]
+
+
+def timings(*calls: Callable[[], Any], repeats: int = 15) -> list[Timing]:
+    """Time of each call. They take turns, so that another load on the machine falls on all alike."""
     times: list[list[float]] = [[] for _ in calls]
     for repeat in range(repeats + 2):
         for call, measured in zip(calls, times, strict=True):
@@ -40,15 +52,23 @@ def median_ms(*calls: Callable[[], Any], repeats: int = 15) -> list[float]:
                 torch.cuda.synchronize()
             if repeat >= 2:  # the first two warm caches up
                 measured.append((now_s() - start) * 1e3)
-    return [median(measured) for measured in times]
+    return [Timing(median(measured), min(measured)) for measured in times]
 
 
-def print_row(name: str, ms: float, peer: str | None = None, peer_ms: float | None = None, **more: Any) -> None:
-    """One JSON object on one line; ``ratio`` is how many times faster than the peer."""
-    row: dict[str, Any] = {"name": name, "median_ms": round(ms, 3)}
+def print_row(
+    name: str, ms: float | Timing, peer: str | None = None, peer_ms: float | Timing | None = None, **more: Any
+) -> None:
+    """One JSON object on one line; ``ratio`` is how many times faster than the peer, by the medians."""
+    row: dict[str, Any] = {"name": name, **_columns(ms)}
     if peer is not None and peer_ms is not None:
-        row |= {"peer": peer, "peer_median_ms": round(peer_ms, 3), "ratio": round(peer_ms / ms, 2)}
+        row |= {"peer": peer, **{f"peer_{column}": value for column, value in _columns(peer_ms).items()}}
+        row["ratio"] = round(row["peer_median_ms"] / row["median_ms"], 2)
     print(json.dumps(row | more | {"machine": machine()}), flush=True)
+
+
+def _columns(ms: float | Timing) -> dict[str, float]:
+    columns = ms._asdict() if isinstance(ms, Timing) else {"median_ms": ms}
+    return {column: round(value, 3) for column, value in columns.items()}
 
 
 def peak_mib(call: Callable[[], Any]) -> float:

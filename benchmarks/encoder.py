@@ -19,12 +19,12 @@ from torch import Tensor, nn
 from benchmarks import _ocnn
 from benchmarks._common import (
     SPEC,
-    median_ms,
     peak_mib,
     print_memory_row,
     print_row,
     tabletop_cloud,
     tabletop_frames,
+    timings,
 )
 from tr_grasp.modules.encoders import build_encoder
 from tr_grasp.octree import Backend, Octree, OctreeConv, OctreeFrame, OctreePool, octree_to_voxels
@@ -110,7 +110,7 @@ def bench(batch_n: int, repeats: int) -> None:
     calls = ours | peers
     for what, prepare in {"forward": torch.no_grad(), "forward + backward": with_backward}.items():
         prepared = {name: prepare(call) for name, call in calls.items()}
-        ms = dict(zip(calls, median_ms(*prepared.values(), repeats=repeats), strict=True))
+        ms = dict(zip(calls, timings(*prepared.values(), repeats=repeats), strict=True))
         mib = {name: peak_mib(call) for name, call in prepared.items()}
         for name in ours:
             for peer in peers_of(name) & peers.keys() or {None}:

@@ -19,7 +19,7 @@ from tensordict import TensorDict
 from torch import Tensor, nn
 
 from benchmarks import _ocnn
-from benchmarks._common import SPEC, median_ms, print_row, tabletop_cloud, tabletop_frames
+from benchmarks._common import SPEC, print_row, tabletop_cloud, tabletop_frames, timings
 from tr_grasp.configs import TrainCfg
 from tr_grasp.configs.io import load_train_cfg
 from tr_grasp.modules import EnvSpec, build_agent
@@ -141,7 +141,7 @@ def main() -> None:
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     torch.manual_seed(0)
-    (ms,) = median_ms(our_step("localising_ocnn", "occupied", 1, 64), repeats=args.repeats)
+    (ms,) = timings(our_step("localising_ocnn", "occupied", 1, 64), repeats=args.repeats)
     print_row("gradient step, localising_ocnn, 1 observation", ms, batch=64)
     ocnn = _ocnn.import_ocnn()
     for node_set in ("occupied", "siblings"):
@@ -149,7 +149,7 @@ def main() -> None:
         steps = [our_step("vanilla_ocnn", node_set, 3, 32)]
         if ocnn is not None:
             steps.append(peer_step(ocnn, node_set == "occupied", 3, 32))
-        times = median_ms(*steps, repeats=args.repeats)
+        times = timings(*steps, repeats=args.repeats)
         peer = ("ocnn, encoder inside actor and critics", times[1]) if ocnn is not None else (None, None)
         print_row(name, times[0], *peer, batch=32)
 

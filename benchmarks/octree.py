@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from benchmarks import _ocnn
-from benchmarks._common import SPEC, median_ms, print_row, tabletop_cloud, tabletop_frames
+from benchmarks._common import SPEC, print_row, tabletop_cloud, tabletop_frames, timings
 from tr_grasp.octree import (
     OctreeConv,
     OctreeFrame,
@@ -36,7 +36,7 @@ def collate(frames: OctreeFrame, with_neighbours: bool = True) -> SparseOctree:
     for depth in (SPEC.depth, SPEC.depth - 1):
         octree.children(depth - 1)
         if with_neighbours:
-            _ = octree.level(depth).neighbours
+            _ = octree.level(depth).layered_neighbours
     return octree
 
 
@@ -49,30 +49,24 @@ def bench_build(batch_n: int) -> None:
     calls = [lambda: octree_from_points(*next(ours_turn), SPEC)]
     if ocnn is not None:
         calls.append(lambda: _ocnn.build_octree(ocnn, next(peer_turn), SPEC))
-    one_ms = median_ms(*calls, repeats=10 * batch_n)
-    print_row("points to stored octree, one cloud", one_ms[0], "ocnn build", one_ms[1] if ocnn is not None else None)
+    one = timings(*calls, repeats=10 * batch_n)
+    print_row("points to stored octree, one cloud", one[0], "ocnn build", one[1] if ocnn is not None else None)
 
     def ours() -> Tensor:
         return torch.stack([octree_from_points(*cloud, SPEC) for cloud in clouds])
 
     if ocnn is None:
-        print_row("points to stored octrees", *median_ms(ours), batch=batch_n)
+        print_row("points to stored octrees", *timings(ours), batch=batch_n)
         return
-    ours_ms, peer_ms, merge_ms = median_ms(
+    stored, stored_peer, merged, merged_peer = timings(
         ours,
         lambda: ocnn.octree.merge_octrees([_ocnn.build_octree(ocnn, cloud, SPEC) for cloud in clouds]),
+        lambda: collate(ours()),
         lambda: _ocnn.merge(ocnn, [_ocnn.build_octree(ocnn, cloud, SPEC) for cloud in clouds]),
     )
-    print_row("points to stored octrees", ours_ms, "ocnn build + merge", peer_ms, batch=batch_n)
-    frames = ours()
-    collate_ms, *_ = median_ms(lambda: collate(frames))
-    print_row(
-        "points to merged octree with neighbours",
-        ours_ms + collate_ms,
-        "ocnn build + merge + neighbours",
-        merge_ms,
-        batch=batch_n,
-    )
+    print_row("points to stored octrees", stored, "ocnn build + merge", stored_peer, batch=batch_n)
+    name = "points to merged octree with neighbours"
+    print_row(name, merged, "ocnn build + merge + neighbours", merged_peer, batch=batch_n)
 
 
 def bench_structure(batch_n: int) -> None:
@@ -85,7 +79,7 @@ def bench_structure(batch_n: int) -> None:
         "collate, with neighbours of depths 4 and 3": lambda: collate(frames),
         "turn by a random symmetry": lambda: turn_frames(elements, frames, SPEC),
     }
-    for (name, _), ms in zip(rows.items(), median_ms(*rows.values()), strict=True):
+    for (name, _), ms in zip(rows.items(), timings(*rows.values()), strict=True):
         print_row(name, ms, batch=batch_n, leaves=leaves_n)
 
 
@@ -96,7 +90,7 @@ def bench_operators(batch_n: int) -> None:
         conv, dense = OctreeConv(inputs, outputs), nn.Conv3d(inputs, outputs, 3, padding=1, bias=False)
         x = torch.randn(octree.level(depth).nodes_n, inputs, requires_grad=inputs != 7)  # 7: the first layer
         grid = octree_to_voxels(x.detach(), octree, depth).requires_grad_(inputs != 7)
-        ours_ms, peer_ms = median_ms(
+        ours_ms, peer_ms = timings(
             lambda conv=conv, x=x, depth=depth: conv(x, octree, depth).sum().backward(),
             lambda dense=dense, grid=grid: dense(grid).sum().backward(),
             repeats=9,
@@ -125,7 +119,7 @@ def bench_operators(batch_n: int) -> None:
         ),
     }
     for name, (ours, dense, peer) in pairs.items():
-        ours_ms, peer_ms = median_ms(with_backward(ours), with_backward(dense))
+        ours_ms, peer_ms = timings(with_backward(ours), with_backward(dense))
         print_row(f"{name}, forward + backward", ours_ms, peer, peer_ms, batch=batch_n)
 
 

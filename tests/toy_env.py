@@ -14,11 +14,23 @@ from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from tr_grasp.configs import EnvCfg, TrainCfg
-from tr_grasp.keys import ACTION, EXPERT_ACTION, OCTREE, OUTCOME, PROPRIO, STAGES, SUCCESS
+from tr_grasp.keys import (
+    ACTION,
+    COLOUR_IMAGE,
+    DEPTH_IMAGE,
+    EXPERT_ACTION,
+    OCTREE,
+    OUTCOME,
+    PROPRIO,
+    STAGES,
+    SUCCESS,
+)
 from tr_grasp.modules import EnvSpec
 from tr_grasp.octree import OctreeFrame, OctreeSpec
 
 REACHED_M = 0.03
+
+PICTURE_PX = 16
 
 
 def train_cfg(**trainer: Any) -> TrainCfg:
@@ -50,12 +62,22 @@ def train_cfg(**trainer: Any) -> TrainCfg:
     )
 
 
+def with_pictures(cfg: TrainCfg) -> TrainCfg:
+    """The same run with the encoder that reads pictures."""
+    return replace(
+        cfg,
+        env=replace(cfg.env, observation=replace(cfg.env.observation, image=True)),
+        network=replace(cfg.network, encoder="image_cnn"),
+        replay=replace(cfg.replay, symmetry_augmentation=False),
+    )
+
+
 def env_spec(cfg: EnvCfg) -> EnvSpec:
     half = cfg.workspace.side_m / 2
     origin = tuple(c - half for c in cfg.workspace.centre_m)
     obs = cfg.observation
     octree = OctreeSpec(origin, cfg.workspace.side_m, obs.depth, obs.leaf_capacity, obs.colour)
-    return EnvSpec(octree=octree, stack_n=obs.stack_n)
+    return EnvSpec(octree=octree, stack_n=obs.stack_n, pictures=obs.image)
 
 
 def make_env(cfg: EnvCfg, seed: int | None = None) -> ToyEnv:
@@ -90,6 +112,9 @@ class ToyEnv(EnvBase):
             OUTCOME: Categorical(9, (1,), dtype=torch.int64),
             SUCCESS: Binary(1, (1,), dtype=torch.bool),
         }
+        if self.cfg.observation.image:
+            keys[COLOUR_IMAGE] = Bounded(0, 255, (stack, 3, PICTURE_PX, PICTURE_PX), dtype=torch.uint8)
+            keys[DEPTH_IMAGE] = Unbounded((stack, 1, PICTURE_PX, PICTURE_PX))
         if self.cfg.observation.expert_labels:
             keys[EXPERT_ACTION] = Bounded(-1, 1, (self.spec_.action_n,))
         return Composite(keys)
@@ -107,6 +132,7 @@ class ToyEnv(EnvBase):
         self.gripper = 1.0
         self.frames = [self._frame()] * self.spec_.stack_n
         self.proprios = [self._proprio()] * self.spec_.stack_n
+        self.pictures = [self._picture()] * self.spec_.stack_n
         return self._observation(success=False)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
@@ -123,6 +149,7 @@ class ToyEnv(EnvBase):
                 reward += self.cfg.reward.stage_base**index
         self.frames = [*self.frames[1:], self._frame()]
         self.proprios = [*self.proprios[1:], self._proprio()]
+        self.pictures = [*self.pictures[1:], self._picture()]
         out = self._observation(success)
         terminated = torch.tensor([success])
         truncated = torch.tensor([self.steps_n >= self.cfg.episode_steps])
@@ -146,12 +173,26 @@ class ToyEnv(EnvBase):
             OUTCOME: torch.tensor([0 if success else 1]),
             SUCCESS: torch.tensor([success]),
         }
+        if self.cfg.observation.image:
+            colours, depths = zip(*self.pictures, strict=True)
+            observation |= {COLOUR_IMAGE: torch.stack(colours), DEPTH_IMAGE: torch.stack(depths)}
         if self.cfg.observation.expert_labels:
             observation[EXPERT_ACTION] = self.expert()
         return TensorDict(observation, [])
 
     def _proprio(self) -> torch.Tensor:
         return torch.tensor([self.gripper, *self.tcp, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0])
+
+    def _picture(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """From above: the goal is a bright pixel, as far away as it lies low; what step it is, one beside the edge."""
+        colour = torch.zeros(3, PICTURE_PX, PICTURE_PX, dtype=torch.uint8)
+        depth = torch.ones(1, PICTURE_PX, PICTURE_PX)
+        x, y, _ = (
+            (self.goal - torch.tensor(self.spec_.octree.origin_m)) / self.cfg.workspace.side_m * PICTURE_PX
+        ).int()
+        colour[:, x, y], depth[0, x, y] = 255, 1 - float(self.goal[2])
+        colour[0, 0, 0] = self.steps_n
+        return colour, depth
 
     def _frame(self) -> OctreeFrame:
         """The leaf of the goal, and every third leaf of a cube around it, slightly different in every step."""

@@ -13,7 +13,7 @@ from tr_grasp.configs import EnvCfg
 from tr_grasp.deploy import CalibratedCamera, CartesianSteps, Observer, PolicyRun, RunEnding, RunLog
 from tr_grasp.deploy.pictures import log_frames
 from tr_grasp.deploy.runner import act, disagreement
-from tr_grasp.errors import DemonstrationError, HardwareError
+from tr_grasp.errors import ConfigError, DemonstrationError, HardwareError
 from tr_grasp.hardware import Fault, Guard, GuardCfg, KinematicFake, intrinsics_of
 from tr_grasp.motion import Kinematics
 from tr_grasp.robots import robot_spec
@@ -35,6 +35,13 @@ def always(action):
 
 def a_run(policy, devices, **more):
     return PolicyRun(policy, CFG, SPEC, devices, EYE.T_base_cam, **more)
+
+
+def test_a_policy_of_pictures_is_refused():
+    policy = always([0.0] * 5)
+    policy.in_keys = [keys.COLOUR_IMAGE, keys.DEPTH_IMAGE, keys.PROPRIO]
+    with pytest.raises(ConfigError, match=r"reads pictures \(image_cnn\) acts in simulation alone"):
+        a_run(policy, station())
 
 
 @pytest.mark.parametrize("execution", ["stepped", "smooth"])

@@ -24,6 +24,7 @@ from tr_grasp.grasps.motion_aware import (
     split,
     train_scorer,
 )
+from tr_grasp.grasps.motion_aware.learn import calibration_error
 from tr_grasp.grasps.motion_aware.network import QualityNet, inputs
 
 QUICK = MotionLearnCfg(epochs_n=15, batch_n=16, learning_rate=3e-3)
@@ -119,9 +120,17 @@ def test_judging_counts_by_hand():
     found = Fixed("brick", some_grasps().shape_key, QualityNet("ours"), 0.1)
     tries = MotionTries(np.zeros(4, int), np.zeros((4, 2)), np.array([True, False, True, True]))
     # Right on the first alone: held 1 of 3, not held 0 of 1.
-    expected = Judgement(4, 1, 3, pytest.approx(1 / 6), pytest.approx((0.01 + 0.64 + 0.36 + 0.64) / 4))
+    brier, calibration = (0.01 + 0.64 + 0.36 + 0.64) / 4, (0.1 + 0.8 + 0.6 + 0.8) / 4
+    expected = Judgement(4, 1, 3, pytest.approx(1 / 6), pytest.approx(brier), pytest.approx(calibration))
     assert judge(found, some_grasps(), tries) == expected
     assert expected.majority == 0.75
+
+
+def test_whoever_says_the_share_that_holds_is_calibrated():
+    held = np.arange(100) % 10 < 7
+    assert calibration_error(np.full(100, 0.7), held) == pytest.approx(0.0)
+    assert calibration_error(np.full(100, 0.9), held) == pytest.approx(0.2)
+    assert calibration_error(np.where(held, 1.0, 0.0), held) == pytest.approx(0.0)
 
 
 def test_the_split_shares_nothing_and_few_tries_are_refused():
@@ -154,6 +163,8 @@ def test_shipped_scorers_fit_the_shipped_sets_and_prefer_slow_objects(name):
     slow, fast = (scorer.score(grasps.grasps, [speed, 0.0]).mean() for speed in (0.01, 0.15))
     assert slow > 0.9
     assert slow > fast
+    assert scorer.record["command"].startswith(f"tr-grasp grasps motion train {name}")
+    assert "dirty" not in scorer.record["commit"]
 
 
 @pytest.mark.sim

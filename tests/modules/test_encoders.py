@@ -266,8 +266,6 @@ def test_unknown_names_and_foreign_channels_are_refused() -> None:
         build_encoder("vanila_ocnn")
     with pytest.raises(ConfigError, match="in_channels must be 7"):
         build_encoder("vanilla_ocnn", in_channels=4, spec=SPEC)
-    with pytest.raises(ConfigError, match="image_cnn reads an image, and agents are given octrees"):
-        build_encoder("image_cnn")
 
 
 def test_options_that_a_network_lacks_are_refused_unless_they_change_nothing() -> None:
@@ -276,7 +274,7 @@ def test_options_that_a_network_lacks_are_refused_unless_they_change_nothing() -
     with pytest.raises(ConfigError, match="no option 'blocks'"):
         build_encoder("residual_ocnn", blocks=4)
     everything = {key: value for name in ENCODERS for key, value in encoder_options(name).items()}
-    for name in set(ENCODERS) - {"image_cnn"}:
+    for name in ENCODERS:
         build_encoder(name, **everything, spec=SPEC)
 
 

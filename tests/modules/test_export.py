@@ -13,7 +13,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.toy_env import env_spec, train_cfg
+from tests.toy_env import env_spec, train_cfg, with_pictures
 from tr_grasp.configs import TrainCfg
 from tr_grasp.errors import CheckpointError, ExportError, StorageError
 from tr_grasp.modules import Agent, build_agent, load_agent, save_policy
@@ -196,6 +196,9 @@ def test_an_encoder_without_a_dense_backend_is_refused_by_name() -> None:
         ExportError, match=r"encoder state_mlp cannot be exported.*localising_ocnn, o_ahrnet, point_net"
     ):
         DensePolicy(make("state_mlp")[0])
+    cfg = with_pictures(train_cfg())
+    with pytest.raises(ExportError, match="encoder image_cnn cannot be exported"):
+        DensePolicy(build_agent(cfg, env_spec(cfg.env)))
 
 
 @pytest.mark.parametrize("package", ["onnx", "onnxscript", "onnxruntime"])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from tensordict import TensorDict
 
-from tests.toy_env import env_spec
+from tests.toy_env import PICTURE_PX, env_spec
 from tr_grasp.configs import TrainCfg
-from tr_grasp.keys import ACTION, EXPERT_ACTION, EXPERT_TARGET, OCTREE, PROPRIO, STAGES
+from tr_grasp.keys import ACTION, COLOUR_IMAGE, DEPTH_IMAGE, EXPERT_ACTION, EXPERT_TARGET, OCTREE, PROPRIO, STAGES
 from tr_grasp.octree import OctreeFrame, OctreeSpec
 from tr_grasp.trainers.batches import IMITATION_WEIGHT
 
@@ -19,8 +19,13 @@ def transitions(cfg: TrainCfg, batch_n: int, leaves_n: int = 12) -> TensorDict:
     truncated = torch.arange(batch_n).remainder(4).eq(2)[:, None]
     step = {"terminated": terminated, "truncated": truncated, "done": terminated | truncated}
 
+    def pictures() -> dict:
+        shape = (batch_n, spec.stack_n, 3, PICTURE_PX, PICTURE_PX)
+        colour = torch.randint(256, shape, dtype=torch.uint8)
+        return {COLOUR_IMAGE: colour, DEPTH_IMAGE: torch.rand(shape)[:, :, :1].half()}
+
     def observation() -> dict:
-        return {
+        return (pictures() if spec.pictures else {}) | {
             OCTREE: frames(spec.octree, (batch_n, spec.stack_n), leaves_n),
             PROPRIO: torch.tensor([1.0, *cfg.env.workspace.centre_m, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0])
             + 0.02 * torch.randn(batch_n, spec.stack_n, spec.proprio_n),

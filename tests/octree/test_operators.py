@@ -25,7 +25,10 @@ from tr_grasp.octree import (
     octree_upsample,
 )
 from tr_grasp.octree import gather_conv as gather_conv_module
-from tr_grasp.octree.gather_conv import GatherConv, adjoint_table
+from tr_grasp.octree.gather_conv import GatherConv
+from tr_grasp.octree.products import add_product, product
+from tr_grasp.octree.reads import adjoint_table, by_layers, in_one_part
+from tr_grasp.octree.runs import Turns
 
 NODE_SETS = ["occupied", "siblings"]
 
@@ -202,16 +205,61 @@ def test_joined_children_times_a_matrix_is_a_dense_convolution_of_kernel_and_str
     )
 
 
-@pytest.mark.parametrize("taps_about", ["self", "first child"])
+@pytest.mark.parametrize("taps_about", ["self", "self, by layers", "first child"])
 def test_gradients_of_the_gather_are_those_of_finite_differences(taps_about: str) -> None:
     octree = make_octree("occupied", batch_n=1, n=12)
-    table, adjoint = octree.level(4).neighbours, None
+    table, adjoint = in_one_part(octree.level(4).neighbours), None
+    if taps_about == "self, by layers":
+        table = octree.level(4).layered_neighbours
     if taps_about == "first child":
         table, adjoint = octree.strided_tables(4, 27)
     features = torch.randn(octree.level(4).nodes_n, 2, dtype=torch.float64, requires_grad=True)
     weight = torch.randn(27, 2, 2, dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(lambda x, w: GatherConv.apply(x, w, table, adjoint), (features, weight))
     assert torch.autograd.gradcheck(lambda w: GatherConv.apply(features.detach(), w, table, adjoint), (weight,))
+
+
+def test_a_table_is_sorted_by_the_layers_that_its_rows_need() -> None:
+    table = torch.full((4, 27), 4, dtype=torch.int32)  # 4 stands for nothing
+    table[:, 13] = torch.arange(4)
+    table[0, 26] = 1  # a node above, in the last layer
+    table[1, 0] = 0  # and one below, in the first
+    table[3, 9] = 2  # one beside
+    parts = by_layers(table, 4)
+    assert [(part.first_row, part.first_tap, *part.table.shape) for part in parts.parts] == [
+        (0, 9, 2, 9),
+        (2, 0, 1, 18),
+        (3, 9, 1, 18),
+    ]
+    assert parts.in_parts(torch.tensor([[10], [11], [12], [13]])).tolist() == [[12], [13], [11], [10]]
+    assert parts.in_order(torch.tensor([[12], [13], [11], [10]])).tolist() == [[10], [11], [12], [13]]
+    for part in parts.parts:
+        rows = parts.order[part.first_row : part.first_row + len(part.table)]
+        assert torch.equal(part.table, table[rows, part.first_tap : part.first_tap + part.table.shape[1]])
+        left_out = table[rows].clone()
+        left_out[:, part.first_tap : part.first_tap + part.table.shape[1]] = 4
+        assert (left_out == 4).all()
+
+
+def test_turns_of_runs_worked_by_hand_and_empty_runs_give_zero() -> None:
+    lengths = torch.tensor([1, 0, 3, 2])
+    turns = Turns.of(lengths)
+    assert [rows.tolist() for rows in turns.rows] == [[1, 4, 0], [2, 5], [3]]
+    features = torch.tensor([[-1.0], [-2.0], [-4.0], [-3.0], [5.0], [6.0]])
+    assert turns.reduce(features, "max").tolist() == [[-1.0], [0.0], [-2.0], [6.0]]
+    assert turns.reduce(features, "sum").tolist() == [[-1.0], [0.0], [-9.0], [11.0]]
+    assert Turns.of(lengths[:0]).reduce(features[:0], "max").shape == (0, 1)
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+def test_runs_in_turns_equal_runs_in_segments(node_set: str) -> None:
+    octree = make_octree(node_set)
+    runs = octree._siblings(4)
+    features = torch.randn(octree.level(4).nodes_n, 5, dtype=torch.float64).round(decimals=1)  # with equal maxima
+    coarse = torch.randn(octree.level(3).nodes_n, 5, dtype=torch.float64)
+    in_segments = runs._replace(turns=None)
+    assert_same_values_and_gradients(lambda x: runs.reduce(x, "max"), lambda x: in_segments.reduce(x, "max"), features)
+    assert_same_values_and_gradients(runs.spread, in_segments.spread, coarse)
 
 
 def test_the_adjoint_of_a_small_table_worked_by_hand() -> None:
@@ -244,6 +292,56 @@ def test_operators_run_under_autocast_and_keep_float32_weights() -> None:
     assert conv.weight.grad.dtype == torch.float32
     reference = conv(octree.node_features(), octree, 4)
     torch.testing.assert_close(fine.float(), reference, rtol=0.03, atol=0.03)
+
+
+@pytest.mark.parametrize("node_set", NODE_SETS)
+@pytest.mark.parametrize("backend", ["sparse", "dense"])
+def test_depths_that_an_octree_does_not_have_are_refused(node_set: str, backend: str) -> None:
+    octree = Octree(random_frames(2), SPEC.depth, node_set, backend)
+    weight = torch.ones(27, 7, 1)
+    for depth in (-1, 5):
+        with pytest.raises(ValueError, match=f"depth must be 0..4 in an octree of depth 4, got {depth}"):
+            octree_conv(octree.node_features(), weight, octree, depth)
+    with pytest.raises(ValueError, match="got 5"):
+        octree_deconv(octree.node_features(), weight, octree, 4)
+    with pytest.raises(ValueError, match="got -1"):
+        octree_conv(torch.ones(octree.level(0).nodes_n, 7), weight, octree, 0, stride=2)
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float16, torch.int64])
+def test_features_of_another_type_than_the_weight_are_refused(dtype: torch.dtype) -> None:
+    octree = make_octree("occupied")
+    features = octree.node_features().to(dtype)
+    for layer in (OctreeConv(7, 4), OctreeConv(7, 4, kernel=1), OctreeConv(7, 4, stride=2)):
+        with pytest.raises(ValueError, match=f"one dtype and device, got {dtype} on cpu and torch.float32 on cpu"):
+            layer(features, octree, 4)
+
+
+def test_weight_gradients_in_half_precision_add_up_in_float32(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(gather_conv_module._CHUNK_ELEMENTS, "cpu", 27)  # a row at a time
+    octree = Octree(random_frames(8, n=500), SPEC.depth)
+    features = torch.ones(octree.level(4).nodes_n, 1)
+    weight = torch.ones(27, 1, 1, requires_grad=True)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        octree_conv(features, weight, octree, 4).sum().backward()
+    # bfloat16 has 8 bits: a sum of ones in it would stop at 256.
+    assert octree.level(4).nodes_n > 1_000
+    assert weight.grad is not None
+    assert weight.grad[13].item() == pytest.approx(octree.level(4).nodes_n, rel=0.01)
+
+
+@pytest.mark.parametrize("shapes", [((5, 7), (7, 40)), ((40, 7), (7, 5))])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_products_equal_those_of_torch_and_take_transposed_views(shapes: tuple, dtype: torch.dtype) -> None:
+    a, b = (torch.randn(shape, dtype=dtype) for shape in shapes)
+    wide = torch.randn(len(a), 2 * b.shape[1], dtype=dtype)
+    for left, right in ((a, b), (a.t().contiguous().t(), b), (a, b.t().contiguous().t())):
+        out, total = torch.empty(len(a), b.shape[1], dtype=dtype), wide.clone()
+        product(left, right, out=out)
+        torch.testing.assert_close(out, a @ b)
+        add_product(total[:, : b.shape[1]], left, right)
+        torch.testing.assert_close(total[:, : b.shape[1]], wide[:, : b.shape[1]] + a @ b)
+        assert torch.equal(total[:, b.shape[1] :], wide[:, b.shape[1] :])
 
 
 @pytest.mark.parametrize("node_set", NODE_SETS)

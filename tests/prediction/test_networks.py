@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import save_file
 
 from tests.prediction.test_predictors import SETTINGS, saved
 from tr_grasp.errors import CheckpointError, PredictionError
 from tr_grasp.prediction import HybridPredictor, LSTMPredictor, MLPPredictor
 from tr_grasp.prediction.courses import Course, make_course
-from tr_grasp.prediction.datasets import Windows, thesis_tracks
+from tr_grasp.prediction.datasets import Windows, WindowTable, thesis_tracks
 from tr_grasp.prediction.networks import MotionLSTM, MotionMLP
 from tr_grasp.prediction.training import LearnCfg, learn
 from tr_grasp.prediction.weights import load_weights, save_weights, shipped_weights
@@ -48,6 +50,23 @@ def test_the_shortest_trajectory_of_the_thesis_has_85_windows() -> None:
     tracks = thesis_tracks("sinusoidal", 12, torch.Generator().manual_seed(0))
     assert {len(Windows.of(track).inputs) for track in tracks} <= {85, 152, 485}
     assert min(len(Windows.of(track).inputs) for track in tracks) == 85
+
+
+def test_pieces_are_windows_in_a_row_and_every_track_is_as_likely() -> None:
+    # Tracks at 0, 100 and 1000; the last is ten times as long as the others.
+    steps = ((0.0, 25), (100.0, 25), (1000.0, 250))
+    tracks = [Windows.of((start + torch.arange(float(n)))[:, None].expand(n, 3)) for start, n in steps]
+    for start, track in zip((0.0, 100.0, 1000.0), tracks, strict=True):
+        track.targets[:] = (start + torch.arange(float(len(track.inputs))))[:, None, None]
+    inputs, numbers = WindowTable(tracks).pieces(3000, 4, torch.Generator().manual_seed(0))
+    assert inputs.shape == (3000, 4, 5, 3)
+    assert (numbers[:, 1:] - numbers[:, :-1] == 1).all()
+    starts = numbers[:, 0, 0, 0]
+    for low, last in ((0.0, 6), (100.0, 6), (1000.0, 231)):
+        mine = starts[(starts >= low) & (starts < low + 300 - 200 * (low < 100))] - low
+        assert len(mine) == pytest.approx(1000, abs=120)
+        assert (mine.min(), mine.max()) == (0, pytest.approx(last, abs=2))
+        assert mine.max() <= last
 
 
 def test_a_window_is_even_and_starts_where_the_target_stood() -> None:
@@ -89,18 +108,17 @@ def test_the_outputs_of_the_mlp_are_its_predictions_at_1_2_and_2_2_s(tmp_path: P
     assert np.sqrt(found.covariance[:, 0, 0]) == pytest.approx([1e-3, 0.01, 0.02])
 
 
-def test_the_lstm_step_by_step_is_the_lstm_on_the_whole_track(tmp_path: Path) -> None:
+def test_the_lstm_step_by_step_is_the_lstm_on_all_full_windows(tmp_path: Path) -> None:
     predictor = LSTMPredictor(saved(tmp_path, "lstm"))
     track = torch.stack([0.01 * torch.arange(12.0), 0.002 * torch.arange(12.0) ** 2, torch.zeros(12)], -1).double()
-    for index, position in enumerate(track.numpy()):
-        predictor.update(0.2 * index, position)
-    # The thesis fills the history before the start with the first position.
-    filled = torch.cat([track[:1].expand(4, 3), track])
-    windows = filled.unfold(0, 5, 1).transpose(1, 2)
+    windows = track.unfold(0, 5, 1).transpose(1, 2)
     with torch.no_grad():
         outputs, _ = predictor.network((windows - windows[:, :1]).float()[None])
-    expected = outputs[0, -1].double().numpy() + windows[-1, 0].numpy()
-    assert np.allclose(predictor.predict([1.2, 2.2]).position, expected, atol=1e-6)
+    expected = outputs[0].double().numpy() + windows[:, :1].numpy()
+    for index, position in enumerate(track.numpy()):
+        predictor.update(0.2 * index, position)
+        if index >= 4:
+            assert np.allclose(predictor.predict([1.2, 2.2]).position, expected[index - 4], atol=1e-6)
 
 
 def test_an_untrained_hybrid_stays_with_its_filters() -> None:
@@ -163,6 +181,10 @@ def test_shipped_weights_are_small_and_say_where_they_come_from(name: str) -> No
     assert path.stat().st_size < 1e6
     record = json.loads(path.with_suffix(".json").read_text())
     assert {"command", "commit", "settings", "best", "curve"} <= record.keys()
+    with safe_open(path, "pt") as file:
+        assert json.loads(file.metadata()["record"]) == {key: value for key, value in record.items() if key != "curve"}
+    assert record["command"].startswith(f"tr-grasp predict train {name}")
+    assert "dirty" not in record["commit"]
     kind = name.split("_")[0]
     load_weights(name, kind)
 
@@ -187,6 +209,31 @@ def test_a_resumed_training_ends_like_one_that_never_stopped(name: str, tmp_path
         learn(name, small(name), LearnCfg(3), tmp_path / "none", provenance={}, resume=True)
     with pytest.raises(CheckpointError, match="is of the training"):
         learn(name, small(name), LearnCfg(3, seed=9), tmp_path / "whole", provenance={}, resume=True)
+
+
+def test_the_learning_rate_falls_from_epoch_to_epoch(tmp_path: Path) -> None:
+    course, places = small("mlp_linear"), []
+    course.steps_n = 1
+
+    def report(*_: object) -> None:
+        places.append(torch.nn.utils.parameters_to_vector(course.network.parameters()).detach().clone())
+
+    report()
+    learn("mlp_linear", course, LearnCfg(3, decay=0.1), tmp_path, provenance={}, report=report)
+    farthest = [float((after - before).abs().max()) for before, after in pairwise(places)]
+    # Adam's first step is as long as the learning rate, and no later one much longer.
+    assert farthest[0] == pytest.approx(1e-3, rel=1e-3)
+    assert farthest[1] < 1.5e-4
+    assert farthest[2] < 1.5e-5
+
+
+def test_a_training_ends_when_no_epoch_is_better_any_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    course, epochs = small("mlp_linear"), []
+    errors = iter([5.0, 3.0, 4.0, 3.5, 3.0, 1.0])
+    monkeypatch.setattr(course, "validate", lambda: next(errors))
+    learn("mlp_linear", course, LearnCfg(6, patience_n=3), tmp_path, provenance={}, report=epochs.append)
+    # The second was the best; a third that is no better ends it, though the sixth would have been.
+    assert [epoch.validation for epoch in epochs] == [5.0, 3.0, 4.0, 3.5, 3.0]
 
 
 def test_the_hybrid_learns_and_predicts(tmp_path: Path) -> None:

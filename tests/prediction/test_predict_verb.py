@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 import tr_grasp.cli as cli
 from tr_grasp.errors import PredictionError
-from tr_grasp.prediction import ConstantVelocityPredictor, HoldPredictor
+from tr_grasp.prediction import ConstantVelocityPredictor, GateCfg, HoldPredictor
 from tr_grasp.prediction.scores import score, thesis_loss
 from tr_grasp.prediction.tracks import SensorCfg, generated_tracks, read_track
 
@@ -58,6 +59,21 @@ def test_the_thesis_loss_of_holding_is_the_mean_square_of_the_way() -> None:
     assert all(min(abs(loss / value - 1) for value in possible) < 1e-6 for loss in losses.values())
 
 
+def test_every_track_counts_alike_in_the_thesis_loss(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A long track that stands still, and a short one at 1 m a step along x.
+    tracks = [torch.zeros(100, 3).double(), torch.arange(20.0)[:, None].double() * torch.tensor([1.0, 0, 0])]
+    monkeypatch.setattr("tr_grasp.prediction.scores.thesis_tracks", lambda *given: tracks)
+    gate = GateCfg(top_speed_m_s=100.0)
+    loss = thesis_loss(lambda: HoldPredictor(gate=gate), "linear", 2, 0)
+    # Six and eleven steps ahead, on one of three axes.
+    assert loss == pytest.approx(0.5 * (6**2 + 11**2) / 2 / 3)
+    # Nothing before the fourth window counts once the first three are warm-up.
+    tracks[1][:7] = 0.0
+    jump = thesis_loss(lambda: HoldPredictor(gate=gate), "linear", 2, 0)
+    assert jump != loss
+    assert thesis_loss(lambda: HoldPredictor(gate=gate), "linear", 2, 0, warm_up_s=1.4) == pytest.approx(loss)
+
+
 def test_a_track_is_read_from_a_file(tmp_path: Path) -> None:
     track = read_track(line_csv(tmp_path))
     assert track.label == "belt"
@@ -67,12 +83,23 @@ def test_a_track_is_read_from_a_file(tmp_path: Path) -> None:
     assert yaws == pytest.approx([0.01])
 
 
+def test_a_track_from_a_spreadsheet_is_read_too(tmp_path: Path) -> None:
+    path = line_csv(tmp_path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n").replace(b"t,x,y", b"t, x, y"))
+    assert read_track(path).positions.shape == (40, 3)
+
+
 @pytest.mark.parametrize(
     ("rows", "head", "sentence"),
     [
         (["0,0,0"] * 12, "t,x,y", "lacks z: its columns must be"),
         ([f"{i},0,0,0" for i in range(5)], "t,x,y,z", "has 5 rows; at least 10"),
-        ([f"{i % 7},0,0,0" for i in range(12)], "t,x,y,z", "t must rise"),
+        ([], "", "lacks t, x, y, z: its columns must be"),
+        (["0;0;0;0"] * 12, "t;x;y;z", "lacks t, x, y, z: its columns must be"),
+        ([f"{i % 7},0,0,0" for i in range(12)], "t,x,y,z", "t must rise from row to row; it does not after 6.0 s"),
+        ([f"{min(i, 9)},0,0,0" for i in range(12)], "t,x,y,z", "t must rise from row to row; it does not after 9.0 s"),
+        ([f"{i if i != 3 else 'nan'},0,0,0" for i in range(12)], "t,x,y,z", "t in line 5 must be a finite number"),
+        ([f"{i},0,left,0" for i in range(12)], "t,x,y,z", "y in line 2 must be a finite number, got 'left'"),
         ([f"{i},0,nan,0" for i in range(12)], "t,x,y,z", "y in line 2 must be a finite number"),
         ([f"{i},0,0" for i in range(12)], "t,x,y,z", "z in line 2 must be a finite number"),
     ],
@@ -97,6 +124,19 @@ def test_evaluate_prints_a_table_and_draws_a_picture(
     assert float(rows[0]["mean_mm"]) == pytest.approx(15.0)
 
 
+def test_evaluate_prints_the_loss_of_the_thesis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    args = ["--thesis-loss", "True", "--predictors", "hold", "constant_velocity", "--seeds", "1", "--tracks", "1"]
+    assert cli.main(["predict", "evaluate", *args]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    losses = {tuple(row[:2]): float(row[2]) for row in rows if row[:1] in (["hold"], ["constant_velocity"])}
+    assert len(losses) == 2 * 3
+    assert losses["hold", "linear"] > 1e6 * losses["constant_velocity", "linear"]
+    assert not (tmp_path / "runs").exists()
+
+
 def test_evaluate_takes_a_real_track(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -117,6 +157,13 @@ def test_train_writes_weights_and_goes_on(
     assert cli.main([*args, "2", "--resume", "True"]) == 0
     assert (tmp_path / "runs/predict/mlp_linear-0/mlp_linear.safetensors").is_file()
     assert "holds a training already" in capsys.readouterr().err
+    evaluate = ["predict", "evaluate", "--predictors", "mlp", "--track", str(line_csv(tmp_path)), "--horizons", "1"]
+    assert cli.main(evaluate) == 0
+    shipped = capsys.readouterr().out
+    assert cli.main([*evaluate, "--weights", "runs/predict/{name}-0/{name}.safetensors"]) == 0
+    assert capsys.readouterr().out != shipped
+    assert cli.main([*evaluate, "--weights", "runs/predict/{name}-7/{name}.safetensors"]) == 2
+    assert "no weights at 'runs/predict/mlp_linear-7/mlp_linear.safetensors'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -130,6 +130,25 @@ def test_the_last_observation_of_an_episode_is_kept():
     assert buffer.get(torch.tensor([2]))["proprio"][0, :, 0].tolist() == [3.0, 3.0]
 
 
+def test_what_is_observed_alone_is_stored_and_depth_takes_two_bytes_a_pixel():
+    worker, buffer = Worker(2), ReplayBuffer(100, 2, observed=("colour_image", "depth_image", "proprio"))
+    chunk = worker.chunk([False, True, False])
+    for part in (chunk, chunk["next"]):
+        numbers = part["proprio"][..., :1, None, None]
+        part["colour_image"] = numbers.expand(3, 2, 3, 4, 4).to(torch.uint8)
+        part["depth_image"] = 0.5 + numbers[..., 0, :, :, None].expand(3, 2, 1, 4, 4) * 1e-4
+    buffer.extend(chunk)
+    got = buffer.get(torch.arange(3))
+    assert "octree" not in got
+    for part, expected in ((got, chunk), (got["next"], chunk["next"])):
+        assert torch.equal(part["colour_image"], expected["colour_image"])
+        assert part["depth_image"].dtype == torch.float16
+        torch.testing.assert_close(part["depth_image"].float(), expected["depth_image"], rtol=0, atol=2.5e-4)
+    # 5 bytes a pixel, 16 pixels, room for 120 observations; the rest is proprioception, labels and outcomes.
+    pictures = buffer.state_dict()["observations"]
+    assert pictures["colour_image"].nbytes + pictures["depth_image"].nbytes == len(pictures["proprio"]) * 5 * 16
+
+
 def test_every_observation_of_a_chunk_is_stored_once():
     worker, buffer = Worker(3), ReplayBuffer(100, 3)
     buffer.extend(worker.chunk([False] * 9 + [True] + [False] * 10))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from tests.toy_env import env_spec, make_env, train_cfg
+from tests.toy_env import env_spec, make_env, train_cfg, with_pictures
 from tr_grasp.configs import TrainCfg
 from tr_grasp.errors import CheckpointError, TrainingDivergedError
 from tr_grasp.modules import load_policy
@@ -95,6 +95,23 @@ def test_every_algorithm_and_every_buffer_resumes_exactly(tmp_path, name):
     trained = whole._session.learner.average.policy.state_dict()
     assert all(torch.equal(value, trained[key]) for key, value in policies[0].state_dict().items())
     assert any("running_mean" in key and value.any() for key, value in trained.items())
+
+
+def test_a_run_on_pictures_learns_and_resumes_exactly(tmp_path):
+    cfg = with_pictures(train_cfg(env_steps=80, evaluate_every=60))
+    whole = trainer(tmp_path / "whole", cfg, evaluate=lambda policy: {"success": 0.5})
+    before = {key: value.clone() for key, value in whole._session.agent.encoder.state_dict().items()}
+    whole.run()
+    after = whole._session.agent.encoder.state_dict()
+    assert not any(torch.equal(value, after[key]) for key, value in before.items() if value.is_floating_point())
+    with pytest.raises(Crash):
+        trainer(tmp_path / "parts", cfg, evaluate=crash_at(60, cfg)).run()
+    torch.rand(17)
+    trainer(tmp_path / "parts", cfg, evaluate=lambda policy: {"success": 0.5}).run(resume=True)
+    assert_equal(*(load_checkpoint(tmp_path / name / "checkpoint.pt") for name in ("whole", "parts")))
+    policy, loaded = load_policy(tmp_path / "whole" / "last")
+    assert loaded.env.observation.image
+    assert policy.in_keys == ["colour_image", "depth_image", "proprio"]
 
 
 def test_a_run_leaves_its_settings_record_curve_and_policies(tmp_path):

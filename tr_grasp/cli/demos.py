@@ -216,14 +216,16 @@ def _recording(cfg: RecordCfg) -> Any:
         fresh_scene_every_n=1,
         observation=replace(env.observation, expert_labels=True, image=False),
     )
+    if not cfg.noise:
+        return Recording(env, episode_steps=env.episode_steps)
     shown = preset.demonstrations
-    noise = {
-        "noise_scale": shown.noise_scale,
-        "gripper_flip_probability": shown.gripper_flip_probability,
-        "wander_steps": shown.wander_steps,
-    }
-    steps = {"episode_steps": shown.episode_steps} if cfg.noise else {"episode_steps": env.episode_steps}
-    return Recording(env, **(noise if cfg.noise else {}), **steps)
+    return Recording(
+        env,
+        noise_scale=shown.noise_scale,
+        gripper_flip_probability=shown.gripper_flip_probability,
+        wander_steps=shown.wander_steps,
+        episode_steps=shown.episode_steps,
+    )
 
 
 def _object_counts(episodes: list[EpisodeInfo]) -> Counter[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,6 +26,7 @@ from tr_grasp.grasps.motion_aware import (
 )
 from tr_grasp.grasps.motion_aware.scorer import ENDING
 from tr_grasp.objects import single_object
+from tr_grasp.provenance import provenance
 
 HELP = """usage: tr-grasp grasps motion train|evaluate ...
 
@@ -101,8 +103,9 @@ def train(args: list[str]) -> int:
     grasps = _load(cfg.set)
     out = cfg.out or Path(f"{grasps.object_name}{ENDING}")
     make_room(out)
+    source = provenance(shlex.join(["tr-grasp", "grasps", "motion", "train", *args])).as_json()
     tries = _tries(cfg.thing, grasps, cfg.tries, cfg.trial, out.with_suffix(".tries.npz"))
-    scorer, judgement = train_scorer(grasps, tries, cfg.learn)
+    scorer, judgement = train_scorer(grasps, tries, cfg.learn, source)
     scorer.save(out)
     print(_table({f"{grasps.object_name}, kept from it": judgement}))
     print(f"scorer   {out}")
@@ -138,7 +141,7 @@ def _load(name_or_file: str) -> GraspSet:
 
 
 def _table(judgements: dict[str, Judgement]) -> str:
-    head = ("tries", "n", "held", "right", "95 % interval", "always the same", "balanced", "Brier")
+    head = ("tries", "n", "held", "right", "95 % interval", "always the same", "balanced", "Brier", "off by")
     return text_table(head, [(name, *_row(found)) for name, found in judgements.items()])
 
 
@@ -152,6 +155,7 @@ def _row(found: Judgement) -> tuple[str, ...]:
         f"{100 * found.majority:.1f} %",
         f"{100 * found.balanced:.1f} %",
         f"{found.brier:.3f}",
+        f"{found.calibration:.3f}",
     )
 
 

@@ -221,7 +221,7 @@ def show_plan(task: BlindPickPlace, strip: Path | None = None, devices: SapienSt
     print(plan_table(plan))
     if not plan.succeeded:
         print(f"no plan: {plan.reason}")
-    if strip is not None and devices is not None:
+    if strip is not None and devices is not None and eye is not None:
         from tr_grasp.envs.pick_place_view import snapshot, strip_of
 
         pictures = []

@@ -12,11 +12,11 @@ from tr_grasp.configs.checks import require
 class NetworkCfg:
     """Encoder and heads."""
 
-    encoder: Literal["localising_ocnn", "vanilla_ocnn", "residual_ocnn", "o_ahrnet", "point_net", "state_mlp"] = (
-        "localising_ocnn"
-    )
+    encoder: Literal[
+        "localising_ocnn", "vanilla_ocnn", "residual_ocnn", "o_ahrnet", "point_net", "image_cnn", "state_mlp"
+    ] = "localising_ocnn"
     """Octree encoder: the fast one that localises, or one of the thesis (Vanilla, Residual, O-AHRNet); or a baseline
-    that sees the leaves as points, or none of them."""
+    that sees the leaves as points, the camera's pictures instead of an octree, or nothing but the proprioception."""
 
     shared_stack: bool = True
     """One encoder for all stacked observations instead of a copy for each (thesis)."""
@@ -35,7 +35,7 @@ class NetworkCfg:
     mean 0 and variance 1 for ever (thesis: its library updated the parameters alone)."""
 
     features_n: int = 128
-    """Features of a frame of localising_ocnn, point_net and state_mlp (the thesis' encoders have 170)."""
+    """Features of a frame of localising_ocnn and the baselines (the thesis' encoders have 170)."""
 
     heads: Literal["vanilla", "dense_residual", "dueling", "advanced"] = "vanilla"
     """MLPs; dense-residual networks; MLPs, the critics dueling; dense-residual networks, the critics dueling (the
@@ -78,6 +78,11 @@ class NetworkCfg:
             self.spectral_norm == "none" or has_blocks,
             f"network.spectral_norm {self.spectral_norm} normalises residual blocks, and heads {self.heads} have none; "
             "choose network.heads dense_residual or advanced, or network.spectral_norm none",
+        )
+        require(
+            self.spectral_norm != "all" or self.encoder != "image_cnn",
+            "network.spectral_norm all normalises linear layers and octree convolutions, and image_cnn has others; "
+            "choose network.spectral_norm actor_critic, or an octree encoder",
         )
         require(self.num_blocks >= 1, f"network.num_blocks must be at least 1, got {self.num_blocks}")
         require(self.residual_width >= 1, f"network.residual_width must be at least 1, got {self.residual_width}")

@@ -212,3 +212,23 @@ class TrainCfg:
 
     trainer: TrainerCfg = field(default_factory=TrainerCfg)
     """The loop."""
+
+    def __post_init__(self) -> None:
+        if self.network.encoder == "image_cnn":
+            self._check_pictures()
+
+    def _check_pictures(self) -> None:
+        reads = "network.encoder image_cnn reads pictures"
+        require(
+            self.env.observation.image,
+            f"{reads}, and env.observation.image is off; choose env.observation.image True",
+        )
+        require(
+            not self.replay.symmetry_augmentation,
+            f"{reads}, and the camera does not turn with the scene that replay.symmetry_augmentation turns; "
+            "choose replay.symmetry_augmentation False",
+        )
+        require(
+            self.demonstrations.file is None,
+            f"{reads}, and files of demonstrations hold octrees; choose demonstrations.file None, which records them",
+        )

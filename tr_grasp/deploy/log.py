@@ -82,7 +82,8 @@ class RunLog:
         make_folder(path.parent)
         stream = io.BytesIO()
         meta = json.dumps({"format": FORMAT, "version": VERSION, **self.meta})
-        np.savez_compressed(stream, **{META: np.array(meta)}, **self._columns())
+        arrays: dict[str, Any] = {META: np.array(meta), **self._columns()}
+        np.savez_compressed(stream, **arrays)
         write_atomically(path, stream.getvalue())
         return path
 

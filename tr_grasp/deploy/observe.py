@@ -54,7 +54,8 @@ class Observer:
 
     def __init__(self, cfg: EnvCfg, T_base_cam: Array) -> None:
         w, o = cfg.workspace, cfg.observation
-        origin = tuple(c - w.side_m / 2 for c in w.centre_m)
+        x, y, z = (c - w.side_m / 2 for c in w.centre_m)
+        origin = (x, y, z)
         self.spec = OctreeSpec(origin, w.side_m, o.depth, o.leaf_capacity, o.colour)
         self._lower = np.array(origin)
         self._upper = self._lower + w.side_m

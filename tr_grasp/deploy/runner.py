@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -18,8 +18,9 @@ from tr_grasp.configs import EnvCfg
 from tr_grasp.deploy.cartesian import CartesianSteps, Execution
 from tr_grasp.deploy.log import RunLog, RunStep
 from tr_grasp.deploy.observe import Observer
-from tr_grasp.errors import HardwareError
+from tr_grasp.errors import ConfigError, HardwareError
 from tr_grasp.hardware import Station
+from tr_grasp.octree import OctreeFrame
 from tr_grasp.robots import RobotSpec
 
 Policy = Callable[[TensorDictBase], TensorDictBase]
@@ -72,6 +73,7 @@ class PolicyRun:
 
     Raises:
         HardwareError: The station has no camera.
+        ConfigError: The policy reads pictures, whose size and view it would have to share with its training.
     """
 
     def __init__(
@@ -87,6 +89,8 @@ class PolicyRun:
     ) -> None:
         if station.camera is None:
             raise HardwareError("a policy needs a camera, and the station has none.")
+        if keys.COLOUR_IMAGE in getattr(policy, "in_keys", ()):
+            raise ConfigError("a policy that reads pictures (image_cnn) acts in simulation alone; take one of octrees.")
         self._policy, self._cfg, self._station, self._camera = policy, cfg, station, station.camera
         self._observer = Observer(cfg, T_base_cam)
         self._steps = CartesianSteps(cfg, spec, station, execution)
@@ -127,7 +131,7 @@ class PolicyRun:
         image, arm = self._camera.capture(), self._station.arm.state()
         observation = self._observer.observe(image, self._steps.proprioception())
         action = act(self._policy, observation)
-        octree = observation[keys.OCTREE]
+        octree = cast(OctreeFrame, observation[keys.OCTREE])
         step = RunStep(
             stamp_s=self._station.world.now_s,
             q_rad=np.asarray(arm.q_rad, float),

@@ -155,7 +155,7 @@ class Algorithm1:
         T = forecast.poses(np.array([when_s]))[0] @ T_obj_tcp
         pre = inverse_kinematics(run.kinematics, moved_along_tool(T, self.cfg.back_off_m), q_now).q_rad
         at = inverse_kinematics(run.kinematics, T, np.where(np.isfinite(pre), pre, q_now)).q_rad
-        ok = np.isfinite(pre).all(-1) & np.isfinite(at).all(-1)
+        ok = np.asarray(np.isfinite(pre).all(-1) & np.isfinite(at).all(-1))
         times = np.full(int(ok.sum()), when_s)
         if ok.any():
             ok[ok] = run.scene.way.free(pre[ok], times) & run.scene.grasp.free(at[ok], times)

@@ -93,6 +93,9 @@ class Run:
         if work == "planning":
             self._expected_s[kind] = max(thought.seconds, FORGETTING * self._expected_s[kind])
             self.notes["longest_loop_s"] = max(self.notes["longest_loop_s"], thought.seconds)
+        self._send_pending()
+
+    def _send_pending(self) -> None:
         if self._pending is not None:
             self.was_late = not self.send(*self._pending)
             self.notes["late_plans"] += self.was_late

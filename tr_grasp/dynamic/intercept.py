@@ -229,7 +229,7 @@ class InterceptSearch:
             T = forecast.poses(times) @ self.candidates.T_obj_tcp[c]
             T[:, 2, 3] += up_m
             at = inverse_kinematics(self.kinematics, T, before, _NEAR).q_rad
-            near = np.isfinite(at).all(-1)
+            near = np.asarray(np.isfinite(at).all(-1))
             near[near] = np.abs(at - before)[near].max(-1) < JUMP_RAD
             ok &= near
             before = np.where(ok[:, None], at, before)

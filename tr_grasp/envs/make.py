@@ -29,4 +29,4 @@ def make_env(cfg: EnvCfg | None = None, seed: int | None = None, *, photographs:
 
 def env_spec(cfg: EnvCfg) -> EnvSpec:
     """What a network needs to know of a task."""
-    return EnvSpec(octree=octree_spec(cfg), stack_n=cfg.observation.stack_n)
+    return EnvSpec(octree=octree_spec(cfg), stack_n=cfg.observation.stack_n, pictures=cfg.observation.image)

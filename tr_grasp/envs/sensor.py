@@ -41,7 +41,7 @@ def wanted_pixels(cfg: EnvCfg, camera: PinholeCamera) -> NDArray[np.bool_]:
 
     Stereo noise needs whole rows, for what stands beside the cube casts a shadow into it.
     """
-    meet = binary_dilation(camera.pixels_that_meet(*cube_corners(octree_spec(cfg))))
+    meet = np.asarray(binary_dilation(camera.pixels_that_meet(*cube_corners(octree_spec(cfg)))), bool)
     return meet if cfg.randomise.depth_noise != "stereo" else meet | meet.any(axis=1, keepdims=True)
 
 

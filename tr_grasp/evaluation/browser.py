@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import time
 from contextlib import redirect_stdout
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import trimesh
@@ -28,6 +28,8 @@ OCTREE_BESIDE_M = np.array([0.0, 0.4, 0.0])
 """Where the octree is shown, from where it is: in its own place it would hide the objects."""
 LEAF_SHARE = 0.92
 WIRE = (90, 110, 140)
+SKY = 0.25
+"""Light from everywhere, as a share of what viser gives."""
 
 
 class BrowserView:
@@ -60,7 +62,7 @@ class BrowserView:
 
     def __call__(self, env: EnvBase, step: int, action: Tensor | None, state: TensorDictBase) -> None:
         """Show one instant; the first of an episode brings a new scene."""
-        task: GraspNovelObjectsEnv = env.task
+        task = cast("GraspNovelObjectsEnv", env.task)
         if step == 0:
             self.snapshots = []
             self._new_scene(task)
@@ -109,6 +111,8 @@ class BrowserView:
         scene, view, spec = self.server.scene, task.view, task.sensor.spec
         scene.reset()
         scene.configure_default_lights(cast_shadow=True)
+        # At its full strength the sky washes the colours out: a brown table looks white.
+        scene.configure_environment_map(environment_intensity=SKY)
         scene.add_mesh_trimesh("/table", ground_mesh(view.look.ground), cast_shadow=False)
         objects = view.object_indices
         names = [f"/objects/{i - objects.start}" if i in objects else f"/robot/{i}" for i in range(len(view.bodies))]
@@ -126,6 +130,7 @@ class BrowserView:
             camera.width_px / camera.height_px,
             scale=0.06,
             thickness=0.0015,
+            cast_shadow=False,
             position=camera.T_base_cam[:3, 3],
             wxyz=wxyz_from_matrix(camera.T_base_cam[:3, :3]),
         )

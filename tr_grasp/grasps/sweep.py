@@ -106,7 +106,7 @@ def _corners(gripper: RobotSpec, openness: float) -> dict[str, list[Array]]:
 def _shape_corners(shape: Shape) -> Array:
     """(c, 3) in the frame of its link; round solids as prisms around them."""
     if shape.kind == "mesh":
-        mesh = trimesh.load(str(shape.mesh), force="mesh")
+        mesh = trimesh.load_mesh(str(shape.mesh))
         corners = np.asarray(mesh.convex_hull.vertices) * shape.size_m
     elif shape.kind == "box":
         corners = np.array(np.meshgrid(*[[-edge / 2, edge / 2] for edge in shape.size_m])).reshape(3, -1).T

@@ -121,7 +121,7 @@ class KinematicFake(Station):
     arm: FakeArm
     gripper: FakeGripper
     world: VirtualWorld
-    camera: FakeCamera
+    camera: FakeCamera  # pyright: ignore[reportGeneralTypeIssues]  # `of` always gives one
 
     @classmethod
     def of(

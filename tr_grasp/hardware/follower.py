@@ -104,7 +104,7 @@ class Follower:
         command = current.command if goes_on and current.command is not None else Command(self._cancel)
         if goes_on:
             current.command = None  # the stream takes its handle along
-        coast = Trajectory([0.0, self.setpoint_timeout_s], [q, q + dq * self.setpoint_timeout_s], [dq, dq])
+        coast = _ramp(self.setpoint_timeout_s, q, q + dq * self.setpoint_timeout_s, dq, dq)
         whole = _joined(coast, self._brake(coast.q_rad[-1], dq)) if dq.any() else coast
         self._take_over(_Piece(now, whole, command, now + self.setpoint_timeout_s, is_stream=True))
         return command
@@ -138,8 +138,10 @@ class Follower:
         if piece.command is not None and not piece.is_stream:
             piece.command.progress = float(np.clip((now - piece.starts_s) / (piece.ends_s - piece.starts_s), 0.0, 1.0))
         if piece.command is not None and now + LATE_S >= piece.ends_s:
-            late = f"no set-point for {self.setpoint_timeout_s:g} s"
-            piece.command.end(*((Ending.STOPPED, late) if piece.is_stream else (Ending.DONE,)))
+            if piece.is_stream:
+                piece.command.end(Ending.STOPPED, f"no set-point for {self.setpoint_timeout_s:g} s")
+            else:
+                piece.command.end(Ending.DONE)
             piece.command = None
 
     @property
@@ -181,7 +183,11 @@ class Follower:
         duration = float((np.abs(dq) / self.limits.acceleration_rad_s2).max())
         if duration < SHORTEST_BRAKE_S:
             return Trajectory.resting(q)
-        return Trajectory([0.0, duration], [q, q + dq * duration / 2], [dq, np.zeros_like(dq)])
+        return _ramp(duration, q, q + dq * duration / 2, dq, np.zeros_like(dq))
+
+
+def _ramp(duration_s: float, q: Array, q_end: Array, dq: Array, dq_end: Array) -> Trajectory:
+    return Trajectory(np.array([0.0, duration_s]), np.array([q, q_end]), np.array([dq, dq_end]))
 
 
 def _joined(first: Trajectory, second: Trajectory) -> Trajectory:

@@ -193,3 +193,6 @@ class Station:
     gripper: Gripper
     world: World
     camera: RGBDCamera | None = None
+
+    def close(self) -> None:
+        """Let the devices go, where there is anything to let go of."""

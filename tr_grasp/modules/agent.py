@@ -12,8 +12,9 @@ from torchrl.envs.utils import ExplorationType
 from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
 
 from tr_grasp.configs import NetworkCfg, TrainCfg
-from tr_grasp.keys import ACTION, ACTOR_FEATURES, CRITIC_FEATURES, OCTREE, PROPRIO, STAGES
-from tr_grasp.modules.encoders import build_encoder, encoder_options
+from tr_grasp.errors import ConfigError
+from tr_grasp.keys import ACTION, ACTOR_FEATURES, COLOUR_IMAGE, CRITIC_FEATURES, DEPTH_IMAGE, OCTREE, PROPRIO, STAGES
+from tr_grasp.modules.encoders import build_encoder, encoder_options, rgbd_image
 from tr_grasp.modules.heads import (
     DenseResidualMLP,
     DeterministicActor,
@@ -46,12 +47,15 @@ class EnvSpec:
     action_n: int = 5
     """Action components, each in [-1, 1]."""
 
+    pictures: bool = False
+    """Observations hold the camera's pictures too."""
+
 
 class Agent(nn.Module):
     """A policy and the critics that judge it, on one shared encoder.
 
     Attributes:
-        encoder: TensorDict module, ``octree`` and ``proprio`` to ``actor_features``.
+        encoder: TensorDict module, ``octree`` (or pictures) and ``proprio`` to ``actor_features``.
         actor: TensorDict module, ``actor_features`` to ``action``; deterministic (tanh of the mean) unless TorchRL's
             exploration type says otherwise, and always so for algorithms without a random policy.
         critics: TensorDict modules, ``critic_features``, maybe ``stages``, and ``action`` to quantiles or one value.
@@ -90,28 +94,47 @@ class Perception(nn.Module):
         super().__init__()
         self.encoder = encoder
 
-    def forward(self, frames: OctreeFrame, proprio: Tensor) -> Tensor:
+    def forward(self, frames: OctreeFrame | Tensor, proprio: Tensor) -> Tensor:
         """Frames ``(*batch, stack)`` and proprioception ``(*batch, stack, n)`` to features ``(*batch, features_n)``."""
         *batch, stack_n, proprio_n = proprio.shape
-        features = self.encoder(frames.reshape(-1, stack_n), proprio.reshape(-1, stack_n, proprio_n))
+        rest = frames.shape[len(batch) + 1 :]  # of a picture
+        features = self.encoder(frames.reshape(-1, stack_n, *rest), proprio.reshape(-1, stack_n, proprio_n))
         return features.reshape(*batch, -1)
+
+
+class PicturePerception(Perception):
+    """An encoder of RGB-D pictures for any leading batch."""
+
+    def forward(self, colour_image: Tensor, depth_image: Tensor, proprio: Tensor) -> Tensor:
+        """Pictures ``(*batch, stack, channels, h, w)`` and proprioception to features ``(*batch, features_n)``."""
+        return super().forward(rgbd_image(colour_image, depth_image), proprio)
 
 
 def build_agent(cfg: TrainCfg, env_spec: EnvSpec) -> Agent:
     """Networks with fresh weights from torch's global generator.
 
     Raises:
-        ConfigError: An encoder that does not exist, lacks an option that is asked for, or does not fit the octrees.
+        ConfigError: An encoder that does not exist, lacks an option that is asked for, does not fit the octrees, or
+            reads pictures that are not observed.
     """
     encoder = _build_encoder(cfg.network, env_spec)
     features_n = encoder.features_n
     actor = _build_actor(cfg, features_n, env_spec.action_n)
     critics = [_build_critic(cfg, features_n, env_spec) for _ in range(cfg.algorithm.critic_count)]
-    perception = TensorDictModule(Perception(encoder), in_keys=[OCTREE, PROPRIO], out_keys=[ACTOR_FEATURES])
-    return Agent(env_spec, perception, actor, critics)
+    return Agent(env_spec, _perception(cfg.network, encoder), actor, critics)
+
+
+def _perception(net: NetworkCfg, encoder: nn.Module) -> TensorDictModule:
+    if net.encoder == "image_cnn":
+        read, perception = [COLOUR_IMAGE, DEPTH_IMAGE, PROPRIO], PicturePerception(encoder)
+    else:
+        read, perception = [OCTREE, PROPRIO], Perception(encoder)
+    return TensorDictModule(perception, in_keys=read, out_keys=[ACTOR_FEATURES])
 
 
 def _build_encoder(net: NetworkCfg, env_spec: EnvSpec) -> nn.Module:
+    if net.encoder == "image_cnn" and not env_spec.pictures:
+        raise ConfigError("image_cnn reads pictures, and these environments give none; turn observation.image on.")
     # A size that not every encoder can choose. Options that change what a network is are refused where they are none.
     size = {"features_n": net.features_n} if "features_n" in encoder_options(net.encoder) else {}
     encoder = build_encoder(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
 from ompl import base as ob
@@ -65,7 +66,7 @@ def rrt_connect(
     over = ob.PlannerTerminationCondition(lambda: time.perf_counter() > until or (cancel is not None and cancel()))
     if not planner.solve(over) or not problem.hasExactSolution():
         return None
-    path = problem.getSolutionPath()
+    path: Any = problem.getSolutionPath()  # a PathGeometric, which the bindings declare as a Path
     return np.array([[path.getState(i)[j] for j in range(dof)] for i in range(path.getStateCount())])
 
 
@@ -100,7 +101,7 @@ def _space(model: CollisionModel, start: Array, goals: Array) -> ob.RealVectorSt
 
 
 def _state(space: ob.RealVectorStateSpace, q: Array):
-    state = space.allocState()
+    state: Any = space.allocState()  # of real numbers, which the bindings declare as any state
     for i, angle in enumerate(q):
         state[i] = float(angle)
     return state

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -94,7 +95,8 @@ def _with_room(points: Array, room: float, limits: MotionLimits, start: Array, e
 
 def _time(points: Array, limits: MotionLimits, start: Array, end: Array) -> Timing:
     s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    path = SplineInterpolator(s, points, bc_type=(_boundary(start), _boundary(end)))
+    ends: Any = _boundary(start), _boundary(end)  # SciPy's boundary conditions; toppra declares text alone
+    path = SplineInterpolator(s, points, bc_type=ends)
     pieces = np.linspace(s[:-1], s[1:], GRID_PER_PIECE, endpoint=False, axis=1).ravel()
     grid = np.append(pieces, s[-1])
     # On bends the result overshoots by about a twentieth, so the first attempt is mostly the last.
@@ -129,7 +131,7 @@ def _solve(
         JointAccelerationConstraint(np.stack([-acceleration, acceleration], axis=1)),
     ]
     solver = TOPPRA(constraints, path, gridpoints=grid, solver_wrapper="seidel")
-    _, speed, _ = solver.compute_parameterization(start, end)
+    speed = solver.compute_parameterization(start, end)[1]
     if speed is None or not np.isfinite(speed).all():
         return None
     mean = (speed[:-1] + speed[1:]) / 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -80,7 +81,8 @@ def _finer(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
         return mesh
     vertices, faces, uv = np.asarray(mesh.vertices), mesh.faces, {"uv": np.asarray(visual.uv)}
     while 4 * len(faces) <= VISUAL_FACES_MAX:
-        vertices, faces, uv = trimesh.remesh.subdivide(vertices, faces, vertex_attributes=uv)
+        cut: Any = trimesh.remesh.subdivide(vertices, faces, vertex_attributes=uv)
+        vertices, faces, uv = cut
     return trimesh.Trimesh(vertices, faces, visual=TextureVisuals(uv["uv"], material=visual.material), process=False)
 
 

@@ -96,6 +96,7 @@ class DenseOctree(Octree):
 
     def level(self, depth: int) -> DenseLevel:
         """All octants of this depth."""
+        self._check_depth(depth)
         if self.node_set == "occupied":
             return self.occupied(depth)
         if depth not in self._levels:
@@ -104,6 +105,7 @@ class DenseOctree(Octree):
 
     def occupied(self, depth: int) -> DenseLevel:
         """All octants of this depth; the mask says which hold a leaf, whatever the node set."""
+        self._check_depth(depth)
         if depth not in self._occupied:
             finer = self.occupied(depth + 1).mask
             self._occupied[depth] = self._make(depth, finer.view(-1, 8).any(1, keepdim=True))

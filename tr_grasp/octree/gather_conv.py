@@ -15,78 +15,79 @@ import torch.nn.functional as F
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-_CHUNK_ELEMENTS = {"cpu": 1 << 17, "cuda": 1 << 28}
+from tr_grasp.octree.products import add_product, product
+from tr_grasp.octree.reads import Reads
+
+_CHUNK_ELEMENTS = {"cpu": 1 << 18, "cuda": 1 << 28}
 """Values gathered at once: on a CPU they must stay in the cache, which saves more than half of the time."""
-
-
-def adjoint_table(table: Tensor, inputs_n: int) -> Tensor:
-    """int32 ``(inputs_n, taps)``: the output row that reads an input row with a weight; the number of outputs if none.
-
-    Args:
-        table: int32 ``(outputs_n, taps)``: input row read by each output row and weight; ``inputs_n`` if none. No
-            input may be read twice with one weight.
-        inputs_n: Number of input rows.
-    """
-    outputs_n, taps = table.shape
-    adjoint = torch.full(((inputs_n + 1) * taps,), outputs_n, dtype=torch.int32, device=table.device)
-    places = table.long() * taps + torch.arange(taps, device=table.device)
-    outputs = torch.arange(outputs_n, dtype=torch.int32, device=table.device)
-    adjoint.index_copy_(0, places.view(-1), outputs[:, None].expand(-1, taps).reshape(-1))
-    return adjoint.view(-1, taps)[:inputs_n]  # the last row collected what reads nothing
 
 
 class GatherConv(torch.autograd.Function):
     """``out[i] = sum_k features[table[i, k]] @ weight[k]``, where a row past the end counts as zero.
 
-    Arguments of ``apply``: features ``(n, in)``; weight ``(taps, in, out)``; table int32 ``(m, taps)``; adjoint int32
-    ``(n, taps)``, or ``None`` for a table that is its own adjoint under reversal of the weights.
+    Arguments of ``apply``: features ``(n, in)``; weight ``(taps, in, out)``; the table, of ``m`` rows; its adjoint, of
+    ``n`` rows, or ``None`` for a table that is its own adjoint under reversal of the weights.
     """
 
     @staticmethod
-    def forward(ctx: Any, features: Tensor, weight: Tensor, table: Tensor, adjoint: Tensor | None) -> Tensor:
+    def forward(ctx: Any, features: Tensor, weight: Tensor, reads: Reads, adjoint: Reads | None) -> Tensor:
         """Gather the rows of each tap side by side and multiply."""
-        ctx.save_for_backward(features, weight, table, adjoint)
+        ctx.save_for_backward(features, weight)
+        ctx.tables = reads, adjoint
         kernel = weight.flatten(0, 1)
-        out = features.new_empty(len(table), kernel.shape[1])
-        for rows, gathered in _gather(features, table):
-            torch.mm(gathered, kernel, out=out[rows])
-        return out
+        out = features.new_empty(reads.rows_n, kernel.shape[1])
+        for rows, columns, gathered in _gather(features, reads):
+            product(gathered, kernel[columns], out=out[rows])
+        return reads.in_order(out)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor | None, Tensor | None, None, None]:
         """One gather of the output's gradient serves the gradients of features and weight."""
-        features, weight, table, adjoint = ctx.saved_tensors
+        features, weight = ctx.saved_tensors
+        reads, adjoint = ctx.tables
         needs_features, needs_weight = ctx.needs_input_grad[:2]
         if not needs_features:
-            return None, _weight_gradient(features, grad, weight, table) if needs_weight else None, None, None
+            return None, _weight_gradient(features, grad, weight, reads) if needs_weight else None, None, None
         flipped = adjoint is None
+        back = reads if flipped else adjoint
         taps, _, outputs = weight.shape
         kernel = (weight.flip(0) if flipped else weight).transpose(1, 2).reshape(taps * outputs, -1)
         grad_features = torch.empty_like(features)
-        grad_kernel = features.new_zeros(features.shape[1], taps * outputs)
-        for rows, gathered in _gather(grad, table if flipped else adjoint):
-            torch.mm(gathered, kernel, out=grad_features[rows])
+        grad_kernel = torch.zeros(features.shape[1], taps * outputs, device=features.device, dtype=_sum_type(features))
+        features = back.in_parts(features)
+        for rows, columns, gathered in _gather(grad, back):
+            product(gathered, kernel[columns], out=grad_features[rows])
             if needs_weight:
-                grad_kernel.addmm_(features[rows].t(), gathered)
-        grad_weight = grad_kernel.view(-1, taps, outputs).transpose(0, 1)
-        return grad_features, grad_weight.flip(0) if flipped else grad_weight, None, None
+                add_product(grad_kernel[:, columns], features[rows].t(), gathered)
+        grad_weight = grad_kernel.to(weight.dtype).view(-1, taps, outputs).transpose(0, 1)
+        return back.in_order(grad_features), grad_weight.flip(0) if flipped else grad_weight, None, None
 
 
-def _weight_gradient(features: Tensor, grad: Tensor, weight: Tensor, table: Tensor) -> Tensor:
+def _weight_gradient(features: Tensor, grad: Tensor, weight: Tensor, reads: Reads) -> Tensor:
     """Gradient of the weight alone: the first layer, whose narrow input is cheaper to gather than its output."""
-    grad_kernel = torch.zeros_like(weight).flatten(0, 1)
-    for rows, gathered in _gather(features, table):
-        grad_kernel.addmm_(gathered.t(), grad[rows])
-    return grad_kernel.view_as(weight)
+    grad_kernel = torch.zeros_like(weight, dtype=_sum_type(weight)).flatten(0, 1)
+    grad = reads.in_parts(grad)
+    for rows, columns, gathered in _gather(features, reads):
+        add_product(grad_kernel[columns], gathered.t(), grad[rows])
+    return grad_kernel.view_as(weight).to(weight.dtype)
 
 
-def _gather(features: Tensor, table: Tensor) -> Iterator[tuple[slice, Tensor]]:
-    """Yield slices of the table's rows with ``(rows, taps * channels)`` of the features that they read."""
+def _gather(features: Tensor, reads: Reads) -> Iterator[tuple[slice, slice, Tensor]]:
+    """Yield slices of the table's rows and of ``taps * channels``, and the features that they read."""
     padded = F.pad(features, (0, 0, 0, 1))
-    width = table.shape[1] * features.shape[1]
-    chunk = max(_CHUNK_ELEMENTS["cpu" if features.device.type == "cpu" else "cuda"] // width, 1)
-    for start in range(0, len(table), chunk):
-        rows = slice(start, min(start + chunk, len(table)))
-        gathered = padded.index_select(0, table[rows].reshape(-1))
-        yield rows, gathered.view(-1, width)
+    channels = features.shape[1]
+    elements = _CHUNK_ELEMENTS["cpu" if features.device.type == "cpu" else "cuda"]
+    for part in reads.parts:
+        columns = slice(part.first_tap * channels, (part.first_tap + part.table.shape[1]) * channels)
+        width = columns.stop - columns.start
+        chunk = max(elements // width, 1)
+        for start in range(0, len(part.table), chunk):
+            table = part.table[start : start + chunk]
+            gathered = padded.index_select(0, table.reshape(-1)).view(-1, width)
+            yield slice(part.first_row + start, part.first_row + start + len(table)), columns, gathered
+
+
+def _sum_type(values: Tensor) -> torch.dtype:
+    """Sums over many chunks need more digits than half precision has."""
+    return torch.float32 if values.dtype in (torch.bfloat16, torch.float16) else values.dtype

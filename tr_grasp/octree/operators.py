@@ -4,7 +4,8 @@ Features are ``(nodes, channels)``, rows in the order of ``octree.level(depth)``
 the full grid with zeros where there is no node, read off at the nodes. Across depths only nodes that have children take
 part, as in O-CNN: the others get zeros from below and give nothing to it.
 
-All raise ``ValueError`` if the features do not have a row for each node of their depth.
+All raise ``ValueError`` if the features do not have a row for each node of their depth, if the octree has no such
+depth, or if weight and features differ in dtype or device.
 """
 
 from __future__ import annotations
@@ -123,6 +124,9 @@ def _autocast(features: Tensor, weight: Tensor) -> tuple[Tensor, Tensor]:
     # A custom autograd function is invisible to autocast, so cast here what a convolution would cast.
     device = features.device.type
     if not torch.is_autocast_enabled(device):
+        if (features.dtype, features.device) != (weight.dtype, weight.device):
+            pair = f"{features.dtype} on {features.device} and {weight.dtype} on {weight.device}"
+            raise ValueError(f"features and weight must have one dtype and device, got {pair}.")
         return features, weight
     dtype = torch.get_autocast_dtype(device)
     return features.to(dtype), weight.to(dtype)

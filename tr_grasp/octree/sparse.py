@@ -13,9 +13,10 @@ import torch
 from torch import Tensor
 
 from tr_grasp.octree.frame import PADDING
-from tr_grasp.octree.gather_conv import GatherConv, adjoint_table
+from tr_grasp.octree.gather_conv import GatherConv
 from tr_grasp.octree.morton import raster_table
-from tr_grasp.octree.runs import Runs
+from tr_grasp.octree.reads import Reads, adjoint_table, by_layers, in_one_part
+from tr_grasp.octree.runs import Runs, Turns
 from tr_grasp.octree.structure import FULL_DEPTH, Backend, Octree, OctreeLevel, Pool
 
 
@@ -32,13 +33,23 @@ class SparseLevel(OctreeLevel):
         """int32 ``(n, 27)``: rows of the nodes around each node, offsets in row-major order; 13 is the node itself."""
         return self.around(self)
 
-    def around(self, centres: SparseLevel, scale: int = 1) -> Tensor:
-        """int32 ``(centres, 27)``: rows of the nodes around ``scale`` times the cell of each centre."""
+    @cached_property
+    def layered_neighbours(self) -> Reads:
+        """``neighbours`` with the offsets of z slowest, by the layers of z that hold a node."""
+        table = self.around(self, layered=True)
+        # Elsewhere the numbers of rows would have to be waited for.
+        return by_layers(table, self.nodes_n) if table.device.type == "cpu" else in_one_part(table)
+
+    def around(self, centres: SparseLevel, scale: int = 1, layered: bool = False) -> Tensor:
+        """int32 ``(centres, 27)``: rows of the nodes around ``scale`` times the cell of each centre.
+
+        Offsets are in row-major order, z fastest; or, layered, z slowest.
+        """
         padded_rows = self._padded_rows
         places = raster_table(self.depth, 1, self.keys.device)
         code = centres.codes if scale == 1 else centres.codes << 3
         start = places.index_select(0, code) + centres.samples * self._padded_octants_n
-        around = start.int()[:, None] + _offsets(self.depth, self.keys.device)
+        around = start.int()[:, None] + _offsets(self.depth, layered, self.keys.device)
         return padded_rows.index_select(0, around.view(-1)).view(-1, 27)
 
     def pad(self, features: Tensor) -> Tensor:
@@ -89,7 +100,8 @@ class SparseOctree(Octree):
         self._features = features
         self._occupied: dict[int, SparseLevel] = {}
         self._levels: dict[int, SparseLevel] = {}
-        self._strided: dict[tuple[int, int], tuple[Tensor, Tensor]] = {}
+        self._strided: dict[tuple[int, int], tuple[Reads, Reads]] = {}
+        self._runs: dict[int, Runs] = {}
         self._occupied[self.depth], self.leaf_slots = self._find_leaves(codes)
 
     @property
@@ -99,12 +111,14 @@ class SparseOctree(Octree):
 
     def level(self, depth: int) -> SparseLevel:
         """Nodes of this depth."""
+        self._check_depth(depth)
         if depth not in self._levels:
             self._levels[depth] = self._make_level(depth)
         return self._levels[depth]
 
     def occupied(self, depth: int) -> SparseLevel:
         """Octants of this depth that hold a leaf, whatever the node set."""
+        self._check_depth(depth)
         if depth not in self._occupied:
             finer = self.occupied(depth + 1)
             present = torch.zeros(self.batch_n * 8**depth, dtype=torch.bool, device=finer.keys.device)
@@ -137,7 +151,7 @@ class SparseOctree(Octree):
         """int64 ``(n,)``: how many children of each node are nodes."""
         return (self.children(depth) < self.level(depth + 1).nodes_n).sum(1)
 
-    def strided_tables(self, depth: int, taps: int) -> tuple[Tensor, Tensor]:
+    def strided_tables(self, depth: int, taps: int) -> tuple[Reads, Reads]:
         """Nodes of ``depth`` that each node of ``depth - 1`` reads with stride 2, and the adjoint of that table.
 
         Both int32: ``(coarse, taps)`` and ``(fine, taps)``; 27 taps lie about the first child, 1 is the first child. A
@@ -148,7 +162,7 @@ class SparseOctree(Octree):
             table = fine.around(coarse, scale=2) if taps == 27 else self.children(depth - 1)[:, :1]
             childless = self.children_n(depth - 1) == 0
             table = table.masked_fill(childless[:, None], fine.nodes_n)
-            self._strided[depth, taps] = table, adjoint_table(table, fine.nodes_n)
+            self._strided[depth, taps] = in_one_part(table), in_one_part(adjoint_table(table, fine.nodes_n))
         return self._strided[depth, taps]
 
     def child_slots(self, depth: int) -> Tensor:
@@ -161,7 +175,8 @@ class SparseOctree(Octree):
             return GatherConv.apply(features, weight, *self.strided_tables(depth, len(weight)))
         if len(weight) == 1:
             return features @ weight[0]
-        return GatherConv.apply(features, weight, self.level(depth).neighbours, None)
+        layered = weight.view(9, 3, *weight.shape[1:]).transpose(0, 1).reshape(weight.shape)  # z slowest
+        return GatherConv.apply(features, layered, self.level(depth).layered_neighbours, None)
 
     def deconv(self, features: Tensor, weight: Tensor, depth: int) -> Tensor:
         """``octree_deconv``: the strided convolution with its two tables exchanged."""
@@ -201,8 +216,13 @@ class SparseOctree(Octree):
 
     def _siblings(self, depth: int) -> Runs:
         """The nodes of ``depth``; those of one parent are neighbours in the list."""
-        # Where nodes are what holds a leaf, something below holds it too.
-        return Runs(self.children_n(depth - 1), self.parents(depth), some_are_empty=self.node_set == "siblings")
+        if depth not in self._runs:
+            # Where nodes are what holds a leaf, something below holds it too.
+            some_are_empty = self.node_set == "siblings"
+            lengths = self.children_n(depth - 1)
+            turns = Turns.of(lengths) if lengths.device.type == "cpu" else None
+            self._runs[depth] = Runs(lengths, self.parents(depth), some_are_empty, turns)
+        return self._runs[depth]
 
     def _make_level(self, depth: int) -> SparseLevel:
         if self.node_set == "occupied":
@@ -215,8 +235,8 @@ class SparseOctree(Octree):
 
 
 @cache
-def _offsets(depth: int, device: torch.device) -> Tensor:
+def _offsets(depth: int, layered: bool, device: torch.device) -> Tensor:
     """int32 ``(27,)``: steps to the neighbours in a padded row-major grid."""
     side = 2**depth + 2
-    steps = torch.cartesian_prod(*[torch.arange(-1, 2)] * 3)
-    return (steps @ torch.tensor([side * side, side, 1])).int().to(device)
+    strides = torch.tensor([1, side * side, side] if layered else [side * side, side, 1])
+    return (torch.cartesian_prod(*[torch.arange(-1, 2)] * 3) @ strides).int().to(device)

@@ -140,7 +140,11 @@ class Octree(ABC):
 
     @abstractmethod
     def level(self, depth: int) -> OctreeLevel:
-        """The rows of this depth."""
+        """The rows of this depth.
+
+        Raises:
+            ValueError: If the octree has no such depth.
+        """
 
     @abstractmethod
     def occupied(self, depth: int) -> OctreeLevel:
@@ -185,6 +189,10 @@ class Octree(ABC):
     @abstractmethod
     def join_children(self, features: Tensor, depth: int) -> Tensor:
         """``octree_join_children``."""
+
+    def _check_depth(self, depth: int) -> None:
+        if not 0 <= depth <= self.depth:
+            raise ValueError(f"depth must be 0..{self.depth} in an octree of depth {self.depth}, got {depth}.")
 
     def leaf_points(self) -> Tensor:
         """float32 ``(leaves, 3)``: mean point of each leaf as far as it is known, in units of the cube.

@@ -43,6 +43,23 @@ class Windows:
         return Windows((windows - oldest).float(), (targets - oldest).float())
 
 
+class WindowTable:
+    """Windows of many trajectories, from which pieces are drawn: first a trajectory, each as likely, then where."""
+
+    def __init__(self, tracks: list[Windows]) -> None:
+        self._inputs = torch.cat([track.inputs for track in tracks])
+        self._targets = torch.cat([track.targets for track in tracks])
+        self._lengths = torch.tensor([len(track.inputs) for track in tracks])
+        self._firsts = self._lengths.cumsum(0) - self._lengths
+
+    def pieces(self, n: int, steps_n: int, generator: Generator) -> tuple[Tensor, Tensor]:
+        """Inputs (n, steps, 5, 3) and targets (n, steps, 2, 3) of so many windows in a row, n times."""
+        tracks = torch.randint(len(self._lengths), (n,), generator=generator)
+        starts = torch.rand(n, generator=generator) * (self._lengths[tracks] - steps_n + 1)
+        rows = (self._firsts[tracks] + starts.long())[:, None] + torch.arange(steps_n)
+        return self._inputs[rows], self._targets[rows]
+
+
 def thesis_tracks(motion: str, n: int, generator: Generator) -> list[Tensor]:
     """Noise-free tracks (times, 3), 0.2 s apart, from start to end, as the thesis' data sets: speeds 1, 3 or 5 cm/s."""
     speeds = torch.tensor(SPEEDS_M_S, dtype=torch.float64)[torch.randint(len(SPEEDS_M_S), (n,), generator=generator)]
@@ -106,15 +123,21 @@ def _corrections_on(motion: Motion, rng: np.random.Generator) -> Corrections:
     kept = rng.uniform(size=len(times)) > rng.choice([0.0, 0.2])
     kept[0] = True
     asked = set(rng.choice(len(times), min(_QUERIES_N, len(times)), replace=False).tolist())
-    predictor, rows = HybridPredictor(weights=None), []
+    predictor, seen, later = HybridPredictor(weights=None), [], []
     for index in np.flatnonzero(kept):
         predictor.update(times[index], measured[index])
         if index in asked:
             horizons = rng.uniform(0.05, HYBRID_HORIZON_S, _HORIZONS_N)
-            seen = predictor.situation(horizons)
-            truth = (_positions(motion, times[index] + horizons) - seen.origin) @ seen.R_base_travel
-            rows.append((seen.features, seen.candidates, seen.scale, truth))
-    return Corrections(*(torch.from_numpy(np.concatenate(column)).float() for column in zip(*rows, strict=True)))
+            seen.append(predictor.situation(horizons))
+            later.append(times[index] + horizons)
+    truth = _positions(motion, np.concatenate(later)).reshape(-1, _HORIZONS_N, 3)
+    columns = (
+        [each.features for each in seen],
+        [each.candidates for each in seen],
+        [each.scale for each in seen],
+        [(true - each.origin) @ each.R_base_travel for true, each in zip(truth, seen, strict=True)],
+    )
+    return Corrections(*(torch.from_numpy(np.concatenate(column)).float() for column in columns))
 
 
 def _positions(motion: Motion, times: np.ndarray) -> np.ndarray:

@@ -54,8 +54,7 @@ class HybridPredictor(Predictor):
     """A harmonic bank, a constant-acceleration and a constant-velocity filter, mixed and corrected by a small network.
 
     The correction is at most as long as the deviation that the filters admit, so what they agree on stays. The
-    covariance is the network's, scaled on validation data so that 68 % of the truth lies in its 68 % ellipsoid.
-    The shipped weights are of a short training, and too sure on turns; ``docs/results/prediction.md`` has the figures.
+    covariance is the network's, scaled on validation data so that 95 % of the truth lies in its 95 % ellipsoid.
 
     Args:
         weights: Shipped ones (``hybrid``) or a file; None runs the filters untrained, as training does.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import factorial
 from typing import Literal
 
@@ -60,13 +61,16 @@ class KalmanPredictor(Predictor):
         super().__init__(gate, YawTracker(turns=self.cfg.process == "white"))
         if not min(self.cfg.density, self.cfg.sigma_m, *self.cfg.start_sigmas) > 0:
             raise PredictionError(f"every noise of a Kalman filter must be positive, got {self.cfg}.")
+        # Stamps are mostly as far apart as before.
+        self._step = lru_cache(maxsize=256)(self._matrices)
 
     def _begin(self, measured: Array) -> None:
         self._x = np.concatenate([measured, np.zeros(3 * (self.order - 1))])
         self._P = np.diag(np.repeat(np.square(self.cfg.start_sigmas[: self.order]), 3))
 
     def _take(self, elapsed_s: float, measured: Array) -> None:
-        x, P = self._ahead(elapsed_s)
+        F, Q = self._step(round(elapsed_s, 9))
+        x, P = F @ self._x, F @ self._P @ F.T + Q
         # The measurement is the first three of the state, so H picks rows and columns.
         gain = P[:, :3] @ np.linalg.inv(P[:3, :3] + self.cfg.sigma_m**2 * np.eye(3))
         self._x = x + gain @ (measured - x[:3])
@@ -74,13 +78,13 @@ class KalmanPredictor(Predictor):
         self._P = (P + P.T) / 2
 
     def _extrapolate(self, ahead_s: Array) -> Extrapolation:
-        x, P = self._ahead(ahead_s)
+        F, Q = self._matrices(ahead_s)
+        x, P = F @ self._x, F @ self._P @ F.swapaxes(-1, -2) + Q
         return Extrapolation(x[:, :3], P[:, :3, :3], x[:, 3:6])
 
-    def _ahead(self, dt: Array | float) -> tuple[Array, Array]:
-        """State (*batch, states) and covariance after ``dt`` (*batch) [s]."""
-        F = on_three_axes(transition(self.order, dt))
-        return F @ self._x, F @ self._P @ F.swapaxes(-1, -2) + self._process_noise(dt)
+    def _matrices(self, dt: Array | float) -> tuple[Array, Array]:
+        """Transition and process noise (*batch, states, states) over ``dt`` (*batch) [s]."""
+        return on_three_axes(transition(self.order, dt)), self._process_noise(dt)
 
     def _process_noise(self, dt: Array | float) -> Array:
         if self.cfg.process == "white":

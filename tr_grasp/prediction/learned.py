@@ -123,7 +123,8 @@ class MLPPredictor(_NetworkPredictor):
 class LSTMPredictor(_NetworkPredictor):
     """The thesis' LSTM; its memory goes on every 0.2 s of measured time, however the stamps come.
 
-    After five seconds without a measurement it starts anew.
+    As in its training, the memory begins with the first window of five measurements; windows before that, which the
+    start position fills, leave nothing behind. After five seconds without a measurement it starts anew.
 
     Arguments and errors as those of :class:`MLPPredictor`.
     """
@@ -151,7 +152,8 @@ class LSTMPredictor(_NetworkPredictor):
     @torch.no_grad()
     def _step(self) -> None:
         window, oldest = self._normalised(self._steps_n * PERIOD_S)
-        outputs, self._memory = self.network(window[None, None], self._memory)
+        memory = self._memory if self._steps_n >= WINDOW_N else None
+        outputs, self._memory = self.network(window[None, None], memory)
         self._ahead = oldest + outputs[0, 0].double().numpy()
         self._here = oldest + window[-1].double().numpy()
         self._steps_n += 1

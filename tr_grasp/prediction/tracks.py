@@ -77,7 +77,8 @@ def read_track(path: Path) -> Track:
             than ten rows.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        # Spreadsheets put a mark before the first column, which utf-8-sig drops.
+        with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file, skipinitialspace=True))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise PredictionError(f"the track '{path}' cannot be read: {error}.") from error

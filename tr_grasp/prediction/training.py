@@ -1,4 +1,4 @@
-"""Training of a predictor's network: Adam, best epoch kept, goes on exactly where it stopped."""
+"""Training of a predictor's network: Adam, best epoch kept, ends early when none is better, goes on exactly."""
 
 from __future__ import annotations
 
@@ -28,7 +28,11 @@ class LearnCfg:
     seed: int = 0
     """Of batches, data and first weights."""
     learning_rate: float = 1e-3
-    """Of Adam, constant for the networks of the thesis."""
+    """Of Adam, in the first epoch."""
+    decay: float = 1.0
+    """Factor on it from epoch to epoch."""
+    patience_n: int = 40
+    """The training ends early if the best epoch is this long ago."""
     checkpoint_every_n: int = 10
     """Epochs between two checkpoints."""
 
@@ -87,9 +91,9 @@ def learn(
     elif checkpoint.exists():
         raise PredictionError(f"'{folder}' holds a training already; resume it or choose another folder.")
     try:
-        while len(run.curve) < cfg.epochs_n:
+        while not run.is_over:
             report(run.epoch())
-            if len(run.curve) % cfg.checkpoint_every_n == 0 or len(run.curve) == cfg.epochs_n:
+            if len(run.curve) % cfg.checkpoint_every_n == 0 or run.is_over:
                 run.save(checkpoint)
     except KeyboardInterrupt:
         # The epoch that was cut short starts over.
@@ -118,12 +122,22 @@ class _Run:
         """The one with the smallest validation error."""
         return min(self.curve, key=lambda epoch: epoch.validation)
 
+    @property
+    def is_over(self) -> bool:
+        """Whether it made all its epochs, or too many without a better one."""
+        epochs_n = len(self.curve)
+        return epochs_n >= self.cfg.epochs_n or (
+            epochs_n > 0 and epochs_n - self.best_epoch.epoch >= self.cfg.patience_n
+        )
+
     def epoch(self) -> Epoch:
         """Another one."""
         number, network = len(self.curve) + 1, self.course.network
         # Batches and dropout of an epoch depend on its number alone, so that a resumed training repeats nothing else.
         self._generator.manual_seed(1_000_003 * self.cfg.seed + number)
         torch.manual_seed(1_000_003 * self.cfg.seed + number)
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.cfg.learning_rate * self.cfg.decay ** (number - 1)
         before, started = self._state(), time.perf_counter()
         try:
             loss = self._steps(network.train())
@@ -143,6 +157,7 @@ class _Run:
             "name": self.name,
             "seed": self.cfg.seed,
             "learning_rate": self.cfg.learning_rate,
+            "decay": self.cfg.decay,
             "curve": self.curve_rows(),
             "best": self.best,
             **self._state(),
@@ -157,14 +172,16 @@ class _Run:
             raise CheckpointError(f"there is no training to resume in '{path.parent}': {path.name} is missing.")
         try:
             content = torch.load(path, weights_only=True)
-            mine = (self.name, self.cfg.seed, self.cfg.learning_rate)
-            theirs = (content["name"], content["seed"], content["learning_rate"])
+            mine = (self.name, self.cfg.seed, self.cfg.learning_rate, self.cfg.decay)
+            theirs = tuple(content[key] for key in ("name", "seed", "learning_rate", "decay"))
             self._restore(content)
             self.best, self.curve = content["best"], [Epoch(**row) for row in content["curve"]]
         except Exception as error:
             raise CheckpointError(f"'{path}' is no checkpoint of such a training, or damaged: {error}.") from error
         if mine != theirs:
-            raise CheckpointError(f"'{path}' is of the training {theirs} (name, seed, learning rate), not {mine}.")
+            raise CheckpointError(
+                f"'{path}' is of the training {theirs} (name, seed, learning rate, decay), not {mine}."
+            )
 
     def curve_rows(self) -> list[dict[str, float]]:
         """The curve for a file."""

@@ -31,20 +31,26 @@ def shipped_weights(kind: str | None = None) -> list[str]:
 def save_weights(
     path: Path, kind: str, weights: Mapping[str, Tensor], settings: Mapping[str, Any], record: Mapping[str, Any]
 ) -> None:
-    """Write weights, and beside them, as JSON, the record of their training.
+    """Write weights with the record of their training, and beside them, as JSON, that record with its curve.
 
     Args:
         path: Ends in ``.safetensors``; its folder is made.
         kind: mlp, lstm or hybrid.
         weights: By name.
         settings: What a predictor has to know beside them; JSON-compatible.
-        record: Command, commit, seed, data, losses; JSON-compatible.
+        record: Command, commit, settings, losses; JSON-compatible. ``curve``, which is long, is not in the weights.
 
     Raises:
         StorageError: They could not be written.
     """
     make_folder(path.parent)
-    metadata = {"format": FORMAT, "version": str(VERSION), "kind": kind, "settings": json.dumps(settings)}
+    metadata = {
+        "format": FORMAT,
+        "version": str(VERSION),
+        "kind": kind,
+        "settings": json.dumps(settings),
+        "record": json.dumps({name: value for name, value in record.items() if name != "curve"}),
+    }
     plain = {name: tensor.detach().cpu().contiguous() for name, tensor in weights.items()}
     write_atomically(path.with_suffix(".json"), json.dumps(record, indent=2) + "\n")
     write_atomically(path, save(plain, metadata))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import sapien
@@ -79,7 +79,7 @@ class CartesianPanda(Panda):
         loader.set_scene(self.scene)
         loader.name = self.uid
         loader.fix_root_link = True
-        sapien_utils.apply_urdf_config(loader, sapien_utils.parse_urdf_config(self.urdf_config))
+        sapien_utils.apply_urdf_config(loader, sapien_utils.parse_urdf_config(cast(dict, self.urdf_config)))
         builder = loader.parse(self.urdf_path)["articulation_builders"][0]
         builder.initial_pose = initial_pose
         self.robot = builder.build()

@@ -35,7 +35,8 @@ def _parts(shape: Shape) -> Iterator[tuple[trimesh.Trimesh, Array]]:
     """Meshes of one colour (3,)."""
     T, size, colour = origin_transform(shape.xyz_m, shape.rpy_rad), shape.size_m, np.asarray(shape.colour)
     if shape.kind == "mesh":
-        for part in trimesh.load_scene(shape.mesh).dump():
+        parts = trimesh.load_scene(shape.mesh).dump()
+        for part in (part for part in parts if isinstance(part, trimesh.Trimesh)):
             part.apply_transform(T @ np.diag([*size, 1.0]))
             material = getattr(part.visual, "material", None)
             yield part, colour if material is None else np.asarray(material.main_color)[:3] / 255.0

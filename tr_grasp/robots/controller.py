@@ -35,7 +35,7 @@ class SapienKinematics:
     """
 
     def __init__(self, articulation: sapien.physx.PhysxArticulation, tcp_link: str, arm: NDArray[np.integer]) -> None:
-        self._model = articulation.create_pinocchio_model()
+        self._model = articulation.create_pinocchio_model()  # pyright: ignore[reportCallIssue]  # a method, not as declared
         names = [link.name for link in articulation.links]
         self._tcp = next(i for i, name in enumerate(names) if name.endswith(tcp_link))
         # A slice where it can be one: BLAS rounds differently for the copy that a list of indices makes.

@@ -108,4 +108,4 @@ def ground_colours(ground: GroundTexture, camera: PinholeCamera, pixels: NDArray
         # Where a pixel reaches over the horizon, its sample is taken from far away, not from behind.
         distance = eye[2] / np.maximum(-directions[:, 2], 1e-3)
         total += ground.colour_at(eye[:2] + directions[:, :2] * distance[:, None])
-    return total / SAMPLES**2
+    return (total / SAMPLES**2).astype(np.float32, copy=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 from sapien import render
@@ -39,7 +41,9 @@ def render_ground(ground: GroundTexture, half_side_m: float) -> render.RenderBod
     return component
 
 
-def _material(image: NDArray[np.floating], filter_mode: str, mipmap_levels: int) -> render.RenderMaterial:
+def _material(
+    image: NDArray[np.floating], filter_mode: Literal["nearest", "linear"], mipmap_levels: int
+) -> render.RenderMaterial:
     pixels = np.full((*image.shape[:2], 4), 255, np.uint8)
     pixels[..., :3] = np.round(255 * np.clip(image, 0, 1))
     material = render.RenderMaterial(roughness=0.9, specular=0.1)

@@ -81,7 +81,7 @@ class DemonstrationFile:
             DemonstrationError: It is damaged.
         """
         with _opened(self.path) as file:
-            group = file["episodes"][self._names[index]]
+            group: Any = file["episodes"][self._names[index]]
             wanted = [name for name in (*OBSERVATION_ARRAYS, *STEP_ARRAYS) if name in group or name not in OPTIONAL]
             arrays = {name: group[name][()] for name in wanted}
         info = self.episodes[index]

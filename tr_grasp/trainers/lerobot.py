@@ -62,7 +62,7 @@ def export_lerobot(
     folder: Path,
     *,
     successes_only: bool = False,
-    on_episode: Callable[[int], None] = lambda index: None,
+    on_episode: Callable[[int], object] = lambda index: None,
 ) -> ExportedDataset:
     """Write a dataset that ``LeRobotDataset(repo_id, root=folder)`` opens.
 

@@ -6,7 +6,7 @@ number. A stack is put together when it is sampled.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -14,7 +14,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from tr_grasp.errors import CheckpointError
-from tr_grasp.keys import ACTION, EXPERT_ACTION, EXPERT_TARGET, OCTREE, PROPRIO, STAGES
+from tr_grasp.keys import ACTION, DEPTH_IMAGE, EXPERT_ACTION, EXPERT_TARGET, OCTREE, PROPRIO, STAGES
 from tr_grasp.octree import OctreeFrame
 
 OBSERVATIONS_PER_TRANSITION = 1.125
@@ -24,7 +24,6 @@ than ten steps, the oldest transitions give way a little before the capacity is 
 OBSERVATIONS_FOR_ANY_LENGTH = 2.25
 """Room for episodes of any length, in chunks of at least a dozen steps."""
 
-_STACKED = (OCTREE, PROPRIO)
 _OUTCOME = ("reward", "terminated", "truncated", "done")
 
 
@@ -35,13 +34,25 @@ class ReplayBuffer:
     alternate, because each one brings the whole first stack of its own.
 
     The first observation of an episode fills its whole stack, as the environment does it.
+
+    Args:
+        capacity: Transitions kept.
+        stack_n: Observations in a stack.
+        observations_per_transition: How many observations there is room for.
+        observed: What of a stack is stored: the keys that an encoder reads. Depth pictures are kept in float16, which
+            is right to half a millimetre within a metre.
     """
 
     def __init__(
-        self, capacity: int, stack_n: int, observations_per_transition: float = OBSERVATIONS_PER_TRANSITION
+        self,
+        capacity: int,
+        stack_n: int,
+        observations_per_transition: float = OBSERVATIONS_PER_TRANSITION,
+        observed: Sequence[str] = (OCTREE, PROPRIO),
     ) -> None:
         self.capacity = capacity
         self.stack_n = stack_n
+        self.observed = tuple(observed)
         self.observations_capacity = int(capacity * observations_per_transition) + 4 * stack_n
         # Allocated with the first chunk, which shows what is to be stored.
         self._observations = TensorDict(batch_size=[0])
@@ -75,7 +86,7 @@ class ReplayBuffer:
             raise ValueError(f"stacks must have {self.stack_n} observations, got {chunk[PROPRIO].shape[1]}")
         if len(chunk) > self.capacity or len(order) > self.observations_capacity:
             raise ValueError(f"a chunk of {len(chunk)} steps does not fit into a replay of {self.capacity}")
-        self._write_observations(_candidates(chunk)[order])
+        self._write_observations(_candidates(chunk, self.observed)[order])
         first_number = self._observations_written - len(order)
         self._write_transitions(chunk, stacks + first_number)
 
@@ -83,7 +94,7 @@ class ReplayBuffer:
         """``n`` transitions, each stored one equally likely, with replacement.
 
         Returns:
-            Batch ``(n,)``: ``octree`` ``(n, stack)``, ``proprio``, ``stages`` and ``expert_action`` where stored,
+            Batch ``(n,)``: what is observed, ``(n, stack)``, ``stages`` and ``expert_action`` where stored,
             ``action``, and under ``next`` the same at the following observation with ``reward``, ``terminated``,
             ``truncated`` and ``done``.
 
@@ -98,10 +109,10 @@ class ReplayBuffer:
         """The transitions of these running numbers, which must lie in ``[written - len, written)``."""
         transitions = self._transitions[numbers % self.capacity]
         slots = transitions.pop("stack") % self.observations_capacity
-        stacked = self._observations.select(*_STACKED)[slots]
-        single = self._observations.exclude(*_STACKED)
-        current = single[slots[:, -2]].update({key: stacked[key][:, :-1] for key in _STACKED})
-        following = single[slots[:, -1]].update({key: stacked[key][:, 1:] for key in _STACKED})
+        stacked = self._observations.select(*self.observed)[slots]
+        single = self._observations.exclude(*self.observed)
+        current = single[slots[:, -2]].update({key: stacked[key][:, :-1] for key in self.observed})
+        following = single[slots[:, -1]].update({key: stacked[key][:, 1:] for key in self.observed})
         current.set(ACTION, transitions.pop(ACTION))
         current.set("next", following.update(transitions))
         return current
@@ -180,15 +191,15 @@ def _plan(done: list[bool], stack_n: int) -> tuple[Tensor, Tensor]:
     return torch.tensor(order), torch.tensor(stacks)
 
 
-def _candidates(chunk: TensorDictBase) -> TensorDict:
+def _candidates(chunk: TensorDictBase, observed: Sequence[str]) -> TensorDict:
     """Single observations: the first stack, the one after each step, and the one before each step."""
     single = [key for key in (STAGES, EXPERT_ACTION, EXPERT_TARGET) if key in chunk and key in chunk["next"]]
-    newest = [_newest(part, single) for part in (chunk["next"], chunk)]
+    newest = [_newest(part, observed, single) for part in (chunk["next"], chunk)]
     first = chunk[:1]
     stack_n = chunk[PROPRIO].shape[1]
     first_stack = TensorDict(
         {
-            **{key: first[key][0] for key in _STACKED},
+            **{key: _kept(key, first[key][0]) for key in observed},
             # Of a stack only the newest one is ever asked for these.
             **{key: first[key].expand(stack_n, -1) for key in single},
         },
@@ -197,9 +208,13 @@ def _candidates(chunk: TensorDictBase) -> TensorDict:
     return torch.cat([first_stack, *newest])
 
 
-def _newest(observation: TensorDictBase, single: list[str]) -> TensorDict:
-    entries = {key: observation[key][:, -1] for key in _STACKED} | {key: observation[key] for key in single}
-    return TensorDict(entries, batch_size=observation.batch_size)
+def _newest(observation: TensorDictBase, observed: Sequence[str], single: list[str]) -> TensorDict:
+    newest = {key: _kept(key, observation[key][:, -1]) for key in observed}
+    return TensorDict(newest | {key: observation[key] for key in single}, batch_size=observation.batch_size)
+
+
+def _kept(key: str, value: Any) -> Any:
+    return value.half() if key == DEPTH_IMAGE else value
 
 
 def _leaves(table: TensorDictBase) -> dict[str, Tensor]:

@@ -52,8 +52,9 @@ class Session:
         self.agent = build_agent(cfg, env_spec).to(cfg.trainer.device)
         self.learner = Learner(self.agent, cfg, folder)
         demonstrations_n = max(1, cfg.demonstrations.transitions_n)
-        self.demonstrations = ReplayBuffer(demonstrations_n, env_spec.stack_n, OBSERVATIONS_FOR_ANY_LENGTH)
-        self.experience = ReplayBuffer(cfg.replay.capacity, env_spec.stack_n)
+        stack_n, observed = env_spec.stack_n, self.agent.encoder.in_keys
+        self.demonstrations = ReplayBuffer(demonstrations_n, stack_n, OBSERVATIONS_FOR_ANY_LENGTH, observed)
+        self.experience = ReplayBuffer(cfg.replay.capacity, stack_n, observed=observed)
         self.sampler = BatchSampler(cfg, env_spec.octree, self.demonstrations, self.experience)
         self.episodes = RecentEpisodes()
         self.counters = Counters()

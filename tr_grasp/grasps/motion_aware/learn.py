@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -67,6 +69,7 @@ class Judgement:
         held_n: Tries that held; whoever always says the more frequent outcome is right this often, or in the others.
         balanced: Mean of the accuracies on tries that held and on those that did not; NaN without one of them.
         brier: Mean squared error of the probability.
+        calibration: Mean distance between the probability said and the share that then held, in ten bins.
     """
 
     tries_n: int
@@ -74,6 +77,7 @@ class Judgement:
     held_n: int
     balanced: float
     brier: float
+    calibration: float
 
     @property
     def accuracy(self) -> float:
@@ -99,8 +103,16 @@ def split(tries_n: int, cfg: MotionLearnCfg) -> tuple[NDArray[np.integer], NDArr
     return order[test_n:], order[:test_n]
 
 
-def train_scorer(grasps: GraspSet, tries: MotionTries, cfg: MotionLearnCfg) -> tuple[MotionAwareScorer, Judgement]:
+def train_scorer(
+    grasps: GraspSet, tries: MotionTries, cfg: MotionLearnCfg, source: Mapping[str, Any] | None = None
+) -> tuple[MotionAwareScorer, Judgement]:
     """A scorer, and how well it does on the tries that were kept from it.
+
+    Args:
+        grasps: That were tried.
+        tries: What came of it.
+        cfg: How to learn.
+        source: Command, commit and machine, for the record.
 
     Raises:
         GraspError: Too few tries.
@@ -112,6 +124,7 @@ def train_scorer(grasps: GraspSet, tries: MotionTries, cfg: MotionLearnCfg) -> t
     scorer = MotionAwareScorer(grasps.object_name, grasps.shape_key, network, top)
     judgement = judge(scorer, grasps, tries.subset(kept))
     record = {
+        **(source or {}),
         "settings": asdict(cfg),
         "tries_n": len(tries),
         "test": asdict(judgement),
@@ -133,7 +146,16 @@ def judge(scorer: MotionAwareScorer, grasps: GraspSet, tries: MotionTries) -> Ju
     sides = [right[tries.held == outcome] for outcome in (True, False)]
     balanced = float(np.mean([side.mean() for side in sides])) if all(map(len, sides)) else float("nan")
     brier = float(np.mean((chance - tries.held) ** 2))
-    return Judgement(len(tries), int(right.sum()), int(tries.held.sum()), balanced, brier)
+    return Judgement(
+        len(tries), int(right.sum()), int(tries.held.sum()), balanced, brier, calibration_error(chance, tries.held)
+    )
+
+
+def calibration_error(chance: Array, held: NDArray[np.bool_]) -> float:
+    """Mean distance between probabilities (n,) and the share that then held, over ten bins of equal width."""
+    bins = np.minimum((10 * chance).astype(int), 9)
+    off = [abs(np.sum(chance[bins == each] - held[bins == each])) for each in np.unique(bins)]
+    return float(np.sum(off) / len(chance))
 
 
 def _fit(grasps: GraspSet, tries: MotionTries, cfg: MotionLearnCfg) -> QualityNet:

@@ -76,7 +76,7 @@ class Labeller:
         there = np.asarray(np.isfinite(postures).all(-1))
         if there.any():
             there[there] = self._collisions.free(postures[there])
-        return there.any(1)
+        return np.asarray(there.any(1))
 
 
 def moved(T: Array, shift_m: Array, turn_rad: Array, share: Array | float = 1.0) -> Array:

@@ -70,6 +70,9 @@ class MarginNet(nn.Module):
         width: Of the layers.
     """
 
+    mean: Tensor
+    scale: Tensor
+
     def __init__(self, shape: ArmShape, width: int = 128) -> None:
         super().__init__()
         self.shape = shape

@@ -43,11 +43,12 @@ def draw_slices(field: ReachabilityField, path: str | Path, resolution_m: float 
 
     figure = Figure(figsize=(12, 7), layout="constrained")
     axes = figure.subplots(2, 3, sharex=True, sharey=True).ravel()
-    domain, shades = field.domain, None
+    domain, shades = field.domain, []
     extent = (0.0, domain.radius_m, domain.low_m, domain.high_m)
     for ax, (name, rotation) in zip(axes, DIRECTIONS.items(), strict=True):
         margins = field.values(slice_poses(field, rotation, resolution_m))
-        shades = ax.imshow(margins, origin="lower", extent=extent, cmap="RdBu", vmin=-LARGEST_M, vmax=LARGEST_M)
+        shade = ax.imshow(margins, origin="lower", extent=extent, cmap="RdBu", vmin=-LARGEST_M, vmax=LARGEST_M)
+        shades.append(shade)
         if margins.min() < 0 < margins.max():
             ax.contour(margins, [0.0], extent=extent, colors="black", linewidths=1.0)
         ax.axhline(0.0, color="grey", linewidth=0.8)
@@ -56,7 +57,7 @@ def draw_slices(field: ReachabilityField, path: str | Path, resolution_m: float 
         ax.set_xlabel("distance from the base axis [m]")
     for ax in axes[::3]:
         ax.set_ylabel("height [m]")
-    figure.colorbar(shades, ax=list(axes), label="margin [m], reachable where positive")
+    figure.colorbar(shades[-1], ax=list(axes), label="margin [m], reachable where positive")
     figure.suptitle(f"{field.robot}: where the tool can be")
     figure.savefig(Path(path), dpi=110)
     return Path(path)

@@ -66,7 +66,7 @@ def build_encoder(
     """The encoder of that name for stacked observations.
 
     Args:
-        name: One of ``ENCODERS``.
+        name: One of ``ENCODERS``. ``image_cnn`` knows of no octree: it ignores ``in_channels`` and ``spec``.
         in_channels: Channels of a leaf: 7, or 4 without colour.
         stack_n: Stacked observations.
         shared_stack: One encoder for all stacked observations; ``localising_ocnn`` always shares.
@@ -76,23 +76,22 @@ def build_encoder(
             value, so that settings with a field for every option can be handed on whole.
 
     Returns:
-        A module of frames ``(B, stack)`` and proprioception ``(B, stack, 10)``, with an attribute ``features_n``.
+        A module of frames ``(B, stack)``, or of pictures ``(B, stack, 4, H, W)`` as of :func:`rgbd_image`, and of
+        proprioception ``(B, stack, 10)``, with an attribute ``features_n``.
 
     Raises:
-        ConfigError: For an unknown name, an option that the network does not have, a value that it refuses,
-            ``in_channels`` that the spec does not have, or a network that reads what no environment observes.
+        ConfigError: For an unknown name, an option that the network does not have, a value that it refuses, or
+            ``in_channels`` that the spec does not have.
     """
     if name not in ENCODERS:
         raise ConfigError(unknown_name("encoder", name, ENCODERS))
+    own = _own_options(name, options)
     if name == "image_cnn":
-        raise ConfigError(
-            "image_cnn reads an image, and agents are given octrees; in your own code, stack "
-            "tr_grasp.modules.ImageCNN on the rgbd_image of observations with observation.image on."
-        )
+        return StackedEncoder(partial(ImageCNN, **own), stack_n, shared_stack)
     spec = spec or default_spec(colour=in_channels == 7)
     if spec.channels != in_channels:
         raise ConfigError(f"in_channels must be {spec.channels}, the channels of the octree, got {in_channels}.")
-    make = partial(ENCODERS[name], spec, **_own_options(name, options))
+    make = partial(ENCODERS[name], spec, **own)
     return StackedEncoder(make, stack_n, shared_stack or name == "localising_ocnn")
 
 

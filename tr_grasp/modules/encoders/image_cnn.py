@@ -15,9 +15,9 @@ def rgbd_image(colour_image: Tensor, depth_image: Tensor) -> Tensor:
 
     Args:
         colour_image: uint8 ``(*batch, 3, H, W)``.
-        depth_image: float32 ``(*batch, 1, H, W)`` [m].
+        depth_image: float32 ``(*batch, 1, H, W)`` [m], or float16 as a replay keeps it.
     """
-    return torch.cat([colour_image.float() / 255, depth_image], dim=-3)
+    return torch.cat([colour_image.float() / 255, depth_image.float()], dim=-3)
 
 
 class ImageCNN(nn.Module):

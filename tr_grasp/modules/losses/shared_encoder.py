@@ -83,7 +83,7 @@ class SharedEncoderLoss(LossModule):
     @dispatch
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Scalars: ``loss_qvalue``, ``loss_actor``, and what else the algorithm has in ``out_keys``."""
-        encoded = tensordict.copy()
+        encoded = self._without_observation(tensordict)
         features = encoded.get(ACTOR_FEATURES, None)
         features = self.encode(tensordict) if features is None else features
         encoded.set(ACTOR_FEATURES, features if self.encoder_grad != "critic" else features.detach())
@@ -101,12 +101,16 @@ class SharedEncoderLoss(LossModule):
     @torch.no_grad()
     def _encode_next(self, following: TensorDictBase) -> TensorDictBase:
         """Critics at o' are target critics and see the target encoder's features; so does a target actor."""
-        encoded = following.copy()
+        encoded = self._without_observation(following)
         with _frozen_statistics(self.encoder_network):
             target = self._encode(following, self.target_encoder_network_params)
             encoded.set(CRITIC_FEATURES, target)
             encoded.set(ACTOR_FEATURES, target if self.acts_by_target else self.encode(following))
         return encoded
+
+    def _without_observation(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """A shallow copy of what the losses read, for TorchRL copies all of it."""
+        return tensordict.exclude(*self.encoder_network.in_keys)
 
     def _reduce_over_critics(self, loss: Tensor) -> Tensor:
         """TorchRL sums over the critics."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from torch.nn.modules.batchnorm import _BatchNorm
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 from torchrl.objectives import SoftUpdate
 
 from tr_grasp.modules.encoders.norm import copy_statistics
@@ -28,13 +29,18 @@ class TargetUpdate(SoftUpdate):
         self, loss: SharedEncoderLoss, tau: float, statistics: Literal["follow", "initial"] = "follow"
     ) -> None:
         super().__init__(loss, tau=tau)
+        self._move = get_ema_multi_avg_fn(self.eps)
+        # As flat lists, for TensorDict takes a millisecond to find them anew.
+        names = list(self._sources.keys(True, True))
+        self._online_parameters = [self._sources[name].data for name in names]
+        self._target_parameters = [self._targets[("target_" + name[0], *name[1:])].data for name in names]
         keys = _statistics(loss) if statistics == "follow" else []
         self._online = loss.encoder_network_params.select(*keys)
         self._target = loss.target_encoder_network_params.select(*keys)
 
     def step(self) -> None:
         """Move the targets."""
-        super().step()
+        self._move(self._target_parameters, self._online_parameters, 0)
         copy_statistics(self._online, self._target)
 
 

@@ -1,0 +1,1 @@
+# An extra that is looked for and never called here: TorchRL does.
