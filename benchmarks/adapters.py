@@ -29,6 +29,8 @@ from tr_grasp.motion import MotionLimits, time_optimal
 from tr_grasp.robots import robot_spec
 
 WAY_RAD = 0.2
+STALL = 1.5
+"""Intervals of so many periods and more are stalls."""
 
 
 class SteppingWorld(RealWorld):
@@ -106,14 +108,17 @@ def row(name: str, seconds: float) -> dict:
         stamps = np.array(sorted(times))
     stamps = stamps[stamps > begun]
     gaps = 1e3 * np.diff(stamps)
-    lag = 1e3 * (stamps - stamps[0]) * rate_hz
+    beats = np.rint((stamps - stamps[0]) * rate_hz)
     return {
         "name": f"{name}: commands",
         "asked_hz": rate_hz,
         "measured_hz": round(1e3 / float(gaps.mean()), 3),
         "seconds": round(float(stamps[-1] - stamps[0]), 1),
         "messages": len(stamps),
-        "left_out": round(float(lag[-1]) / 1e3) + 1 - len(stamps),
+        # Of the schedule: messages stand at multiples of one period, whichever of them are left out.
+        "schedule_hz": round(1 / float(np.polyfit(beats, stamps, 1)[0]), 4),
+        "between_stalls_hz": round(1e3 / float(gaps[gaps < STALL * 1e3 / rate_hz].mean()), 3),
+        "left_out": int(beats[-1]) + 1 - len(stamps),
         "interval_ms": {str(p): round(float(np.percentile(gaps, p)), 3) for p in (1, 50, 99, 100)},
         "jitter_ms_std": round(float(gaps.std()), 3),
         "moves": moves,

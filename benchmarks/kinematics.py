@@ -75,14 +75,14 @@ def row(name: str, poses_n: int, repeats: int, peer_n: int) -> None:
     )
 
 
-def main() -> None:
+def main(args: list[str] | None = None) -> None:
     """Print all rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--poses", type=int, default=1000)
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--peer-poses", type=int, default=50)
     parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=ROBOTS)
-    given = parser.parse_args()
+    given = parser.parse_args(args)
     for name in given.robots:
         row(name, given.poses, given.repeats, given.peer_poses)
 

@@ -17,9 +17,11 @@ from ompl import base as ob
 from ompl import geometric as og
 
 from benchmarks._arms import ROBOTS, SCENES, Array, free_posture, kinematics, obstacles, tool_down
-from benchmarks._common import print_row
+from benchmarks._common import now_s, print_row
 from tr_grasp.motion import CollisionModel, Plan, Planner, PlannerCfg, inverse_kinematics
 from tr_grasp.motion.edges import path_length, points_of
+from tr_grasp.motion.joint_turns import distance
+from tr_grasp.motion.planner import SAME_POSTURE_RAD
 from tr_grasp.motion.reuse import rest_of
 from tr_grasp.motion.rrt_connect import rrt_connect
 
@@ -79,21 +81,21 @@ def plain_ompl(
         solution = setup.getSolutionPath()
         return np.array([[solution.getState(i)[j] for j in joints] for i in range(solution.getStateCount())])
 
-    begun = time.perf_counter()
+    begun = now_s()
     found = bool(setup.solve(cfg.time_limit_s)) and setup.haveExactSolutionPath()
-    seconds = time.perf_counter() - begun
+    seconds = now_s() - begun
     if not found:
         return (None, seconds), (None, seconds)
     raw = path()
     setup.simplifySolution(simplify_s)
-    return (raw, seconds), (path(), time.perf_counter() - begun)
+    return (raw, seconds), (path(), now_s() - begun)
 
 
 def search_alone(model: CollisionModel, start: Array, goal: Array, cfg: PlannerCfg) -> Found:
     """RRT-Connect as the planner runs it, without shortcuts and checks after it."""
-    begun = time.perf_counter()
-    path = rrt_connect(model, start, goal[None], cfg, until=begun + cfg.time_limit_s)
-    return path, time.perf_counter() - begun
+    begun = now_s()
+    path = rrt_connect(model, start, goal[None], cfg, until=time.perf_counter() + cfg.time_limit_s)
+    return path, now_s() - begun
 
 
 def numbers(found: list[Found]) -> dict[str, float | str]:
@@ -120,8 +122,9 @@ def scene_rows(robot: str, scene: str, pairs_n: int, cfg: PlannerCfg) -> None:
         raw, short = plain_ompl(model, start, goal, cfg, simplify_s=0.3)
         theirs.append(raw)
         simplified.append(short)
+        begun = now_s()
         plan = planner.plan(start, goal, mode="rrt_connect")
-        plans.append((plan.path, plan.seconds))
+        plans.append((plan.path, now_s() - begun))
     for name, mine, peer in (("search", ours, theirs), ("search, shortcuts, checks", plans, simplified)):
         row, peer_row = numbers(mine), numbers(peer)
         print_row(
@@ -135,35 +138,51 @@ def scene_rows(robot: str, scene: str, pairs_n: int, cfg: PlannerCfg) -> None:
         )
 
 
-def moving_goal(replan: Callable[[Planner, Array, Array, Plan | None], Plan], trials: int, cfg: PlannerCfg) -> dict:
-    """Twelve goals that pass the posts at 2-4 cm/s; a new plan for every 0.08 rad of motion."""
+Replan = Callable[[Planner, Array, Array, Plan | None], Plan]
+REUSED = "the plan before is reused"
+WAYS: dict[str, Replan] = {
+    REUSED: lambda planner, q, T, before: planner.plan(q, T, previous=before),
+    "RRT-Connect from scratch": lambda planner, q, T, before: planner.plan(q, T, mode="rrt_connect"),
+    "straight lines, then RRT-Connect, from scratch": lambda planner, q, T, before: planner.plan(q, T),
+}
+
+
+def moving_goals(replan: Replan, trials: int, cfg: PlannerCfg) -> list[dict]:
+    """Goals that pass the posts at 2-4 cm/s; a new plan for every 0.08 rad of motion along the one before.
+
+    A row holds milliseconds, how the plan was found, its largest deviation from what was left of the plan before, and
+    whether the goal can still be had in the posture in which that one ends.
+    """
     model = CollisionModel(kinematics("ur5_rg2"), obstacles("hard"))
-    planner, ms, leaps, ways, failed = Planner(model, cfg), [], [], Counter(), 0
+    planner, rows = Planner(model, cfg), []
     for trial in range(trials):
         rng = np.random.default_rng(trial)
         x, y, speed = rng.uniform(0.5, 0.6), rng.uniform(-0.35, -0.25), rng.uniform(0.02, 0.04)
         q, before = np.array([1.2, -1.4, 1.2, -1.4, -1.57, 0.0]), None
         for tick in range(20):
-            plan = replan(planner, q, tool_down(x, y + speed * tick, 0.12), before)
-            ms.append(plan.seconds * 1e3)
-            ways[plan.how or plan.outcome.name] += 1
-            if plan.path is None or len(plan.path) < 2:
-                failed += plan.path is None
-                continue
-            if before is not None:
-                leaps.append(np.abs(even(rest_of(before.path, q)) - even(plan.path)).max())
-            q = along(plan.path, 0.08)
-            before = plan
-    return {
-        "median_ms": float(np.median(ms)),
-        "mean_ms": round(float(np.mean(ms)), 1),
-        "p95_ms": round(float(np.percentile(ms, 95)), 1),
-        "deviation_median_rad": round(float(np.median(leaps)), 4),
-        "deviation_mean_rad": round(float(np.mean(leaps)), 4),
-        "plans": len(ms),
-        "failed": failed,
-        "ways": dict(ways),
-    }
+            T = tool_down(x, y + speed * tick, 0.12)
+            begun = now_s()
+            plan = replan(planner, q, T, before)
+            ms = (now_s() - begun) * 1e3
+            if before is not None:  # without one there is nothing to reuse
+                kept = keeps_posture(model, before, T)
+                rows.append({"ms": ms, "plan": plan, "deviation_rad": deviation(before, plan, q), "kept": kept})
+            if plan.path is not None and len(plan.path) > 1:
+                q, before = along(plan.path, 0.08), plan
+    return rows
+
+
+def keeps_posture(model: CollisionModel, before: Plan, T: Array) -> bool:
+    """Whether a free posture for the goal is near the one in which the plan before ends."""
+    found = inverse_kinematics(model.kinematics, T, before.path[-1]).all_of()
+    return bool((distance(found[model.free(found)], before.path[-1]) < SAME_POSTURE_RAD).any()) if len(found) else False
+
+
+def deviation(before: Plan | None, plan: Plan, q: Array) -> float:
+    """Largest distance of joints between a plan and the rest of the one before; NaN where one of them is missing."""
+    if before is None or plan.path is None or len(plan.path) < 2:
+        return float("nan")
+    return float(np.abs(even(rest_of(before.path, q)) - even(plan.path)).max())
 
 
 def even(path: Array, n: int = 60) -> Array:
@@ -179,26 +198,40 @@ def along(path: Array, way: float) -> Array:
 
 
 def seeding_rows(trials: int, cfg: PlannerCfg) -> None:
-    """With the plan before, beside two ways without it."""
-    seeded = moving_goal(lambda p, q, T, before: p.plan(q, T, previous=before), trials, cfg)
-    peers = {
-        "RRT-Connect from scratch": lambda p, q, T, before: p.plan(q, T, mode="rrt_connect"),
-        "straight lines, then RRT-Connect, from scratch": lambda p, q, T, before: p.plan(q, T),
+    """With the plan before, beside two ways without it; each way goes on along its own plans."""
+    found = {way: moving_goals(replan, trials, cfg) for way, replan in WAYS.items()}
+    for name, asked in (("all goals", False), ("goals within reach of the posture before", True)):
+        numbers_of = {way: seeding_numbers([r for r in rows if r["kept"] or not asked]) for way, rows in found.items()}
+        for way in list(WAYS)[1:]:
+            row, peer = dict(numbers_of[REUSED]), dict(numbers_of[way])
+            ratios = {key: round(peer[key] / row[key], 2) for key in row if key.endswith(("_ms", "_rad"))}
+            print_row(
+                f"ur5_rg2, moving goal, {name}: {REUSED}",
+                row.pop("median_ms"),
+                way,
+                peer.pop("median_ms"),
+                **row,
+                **{f"peer_{key}": value for key, value in peer.items()},
+                ratios=ratios,
+            )
+
+
+def seeding_numbers(rows: list[dict]) -> dict:
+    """Times and deviations of one way."""
+    ms = np.array([row["ms"] for row in rows])
+    leaps = np.array([row["deviation_rad"] for row in rows if np.isfinite(row["deviation_rad"])])
+    return {
+        "median_ms": round(float(np.median(ms)), 1),
+        "mean_ms": round(float(ms.mean()), 1),
+        "p95_ms": round(float(np.percentile(ms, 95)), 1),
+        "deviation_median_rad": round(float(np.median(leaps)), 4),
+        "deviation_mean_rad": round(float(leaps.mean()), 4),
+        "plans": len(rows),
+        "ways": dict(Counter(row["plan"].how or row["plan"].outcome.name for row in rows)),
     }
-    for name, replan in peers.items():
-        scratch = moving_goal(replan, trials, cfg)
-        row, peer = dict(seeded), dict(scratch)
-        print_row(
-            "ur5_rg2, moving goal: the plan before is reused",
-            row.pop("median_ms"),
-            name,
-            peer.pop("median_ms"),
-            **row,
-            **{f"peer_{key}": value for key, value in peer.items()},
-        )
 
 
-def main() -> None:
+def main(args: list[str] | None = None) -> None:
     """Print all rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", type=int, default=30)
@@ -206,7 +239,7 @@ def main() -> None:
     parser.add_argument("--time-limit", type=float, default=2.0, help="seconds for a plan")
     parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=("panda", "ur5_rg2", "j2s7s300"))
     parser.add_argument("--scenes", nargs="+", choices=tuple(SCENES), default=tuple(SCENES))
-    given = parser.parse_args()
+    given = parser.parse_args(args)
     cfg = PlannerCfg(time_limit_s=given.time_limit)
     for robot in given.robots:
         for scene in given.scenes:

@@ -7,7 +7,6 @@ how often limits are exceeded in random trajectories, and how far a servo stays 
 from __future__ import annotations
 
 import argparse
-import time
 from itertools import product
 
 import numpy as np
@@ -16,7 +15,7 @@ from toppra.algorithm import TOPPRA
 from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
 
 from benchmarks._arms import Array, kinematics, postures, tool_down
-from benchmarks._common import median_ms, print_row
+from benchmarks._common import median_ms, now_s, print_row
 from tr_grasp.motion import JointState, MotionLimits, Servo, Timing, point_to_point, time_optimal, tool_target
 from tr_grasp.motion.limits import SHARE
 
@@ -84,16 +83,16 @@ def random_rows(trajectories_n: int) -> None:
             limits = MotionLimits.of(kinematics(name).spec, which)
             if kind == "time_optimal":
                 waypoints = walk(rng, int(rng.integers(2, 9)), name)
-                begun = time.perf_counter()
+                begun = now_s()
                 timing = time_optimal(waypoints, limits)
             else:
                 ends = [
                     JointState(q, rng.uniform(-0.9, 0.9, limits.dof) * limits.velocity_rad_s, np.zeros(limits.dof))
                     for q in postures(kinematics(name), 2, rng)
                 ]
-                begun = time.perf_counter()
+                begun = now_s()
                 timing = point_to_point(*ends, limits)
-            spent.append((time.perf_counter() - begun) * 1e3)
+            spent.append((now_s() - begun) * 1e3)
             if timing.trajectory is None:
                 refused += 1
             else:
@@ -141,12 +140,12 @@ def servo_row(name: str, which: str, speed: float, shape: str, predictor_hz: flo
         velocity = np.append((seen - before)[:3, 3] / seen_s, np.zeros(3))
         predicted = seen.copy()
         predicted[:3, 3] += velocity[:3] * (now - last)
-        begun = time.perf_counter()
+        begun = now_s()
         # Out of reach, it waits where the target was last.
         aim = tool_target(arm, predicted, velocity, q_target) or JointState.at_rest(q_target)
         q_target = aim.q
         state = servo.track(aim.q, aim.dq)
-        spent.append((time.perf_counter() - begun) * 1e3)
+        spent.append((now_s() - begun) * 1e3)
         errors.append(np.linalg.norm(arm.pose(state.q)[:3, 3] - target_at(now + PERIOD_S, speed, shape)[:3, 3]) * 1e3)
     late = np.array(errors[len(errors) // 2 :])
     inside = np.array(errors) < 5.0
@@ -160,14 +159,14 @@ def servo_row(name: str, which: str, speed: float, shape: str, predictor_hz: flo
     )
 
 
-def main() -> None:
+def main(args: list[str] | None = None) -> None:
     """Print all rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trajectories", type=int, default=1000, help="random ones, of each kind")
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--predictor-hz", type=float, default=10.0)
     parser.add_argument("--random-only", action="store_true", help="only the rows of random trajectories")
-    given = parser.parse_args()
+    given = parser.parse_args(args)
     if not given.random_only:
         toppra_rows(given.repeats)
     random_rows(given.trajectories)

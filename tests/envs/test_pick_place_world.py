@@ -19,7 +19,7 @@ pytestmark = pytest.mark.sim
 
 @pytest.mark.slow
 def test_a_bottle_a_little_off_is_placed_and_no_wall_is_touched():
-    (trial,) = pick_place_trials(read_station("thesis"), 1, seed=0)
+    (trial,) = pick_place_trials(read_station("thesis"), [0])
     assert trial.succeeded
     assert trial.outcome == "DONE"
     assert trial.cycle_s < 40

@@ -60,5 +60,5 @@ def test_an_absurd_size_is_refused(size_m):
 
 
 def test_an_unknown_gripper_names_the_valid_ones():
-    with pytest.raises(GraspError, match=r"did you mean 'robotiq_2f85'\? Valid: panda, rg2, robotiq_2f85"):
+    with pytest.raises(GraspError, match=r"did you mean 'robotiq_2f85'\? Valid: kg3, panda, rg2, robotiq_2f85"):
         floating_gripper("robotiq_2f84")

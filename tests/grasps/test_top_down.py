@@ -1,9 +1,10 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tr_grasp.geometry import wrap_half_turn
-from tr_grasp.grasps import GripperShape, HeightMap, top_down_grasps
+from tr_grasp.grasps import GripperShape, HeightMap, height_map_of_points, top_down_grasps
 from tr_grasp.grasps.top_down import Demands, _max_over_offsets
 
 CELL = 0.004
@@ -132,3 +133,19 @@ def test_the_finger_footprint_is_the_slow_maximum(seed, first, extra):
                 if 0 <= k < 15:
                     slow[i] = np.maximum(slow[i], values[k])
     np.testing.assert_array_equal(_max_over_offsets(values, first, last), slow)
+
+
+def test_a_map_of_points_is_what_the_points_show_with_gaps_between_them_closed():
+    """A plate of 40 x 20 mm, 30 mm over a table at 0.1 m, in points 3 mm apart; one pixel was lost."""
+    x, y = np.meshgrid(np.linspace(-0.02, 0.02, 15), np.linspace(-0.01, 0.01, 8), indexing="ij")
+    points = np.stack([x.ravel() + 0.5, y.ravel(), np.full(x.size, 0.13)], axis=1)
+    points = np.delete(points, len(points) // 2, axis=0)
+    seen = height_map_of_points(points, (0.5, 0.0), 0.1, CELL, table_m=0.1)
+    high = seen.height > 0
+    assert seen.height[high] == pytest.approx(0.03)
+    assert high.sum() * CELL**2 == pytest.approx(0.04 * 0.02, rel=0.5)  # cells at the edges belong to it whole
+    assert (seen.owner[high] == 0).all()
+    assert (seen.owner[~high] == -1).all()
+    i, j = np.nonzero(high)
+    middle = np.array(seen.origin_m) + CELL * np.array([i.mean(), j.mean()])
+    assert middle == pytest.approx([0.5, 0.0], abs=0.6 * CELL)

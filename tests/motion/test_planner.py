@@ -17,6 +17,7 @@ from tr_grasp.motion.shortcut import shortcut
 from tr_grasp.motion.straight import tool_poses
 
 PATIENT = PlannerCfg(time_limit_s=20.0)
+ROUNDS = replace(PATIENT, rounds_n=5000)
 IN_THE_POST = tool_down(0.57, 0.0, 0.2)
 LEFT, RIGHT = tool_down(0.5, 0.3, 0.2), tool_down(0.5, -0.3, 0.2)
 READY = np.array([0.6, -1.4, 1.6, -1.77, -1.57, 0.6])
@@ -180,6 +181,17 @@ def test_a_posture_that_is_blocked_gives_way_to_another(ur5: Kinematics) -> None
     assert ur5.pose(path[-1]) == pytest.approx(LEFT, abs=1e-4)
 
 
+def test_a_plan_to_a_posture_that_is_lost_is_forgotten(ur5: Kinematics) -> None:
+    nearest, *others = inverse_kinematics(ur5, LEFT, READY).all_of()
+    model = CollisionModel(ur5, [box("at the elbow", (0.05,) * 3, at(*ur5.joint_positions(nearest)[3]))])
+    start = next(q for q in others if model.free(q)[0]) + turned(-0.3) - READY
+    # Wound up by a turn, as a plan may be that came from elsewhere: its end is no reference for the postures left.
+    before = Plan(Outcome.OK, np.stack([start, nearest + np.array([0, 0, 0, 0, 0, 2 * np.pi])]))
+    fresh, after = (Planner(model, PATIENT).plan(start, LEFT, previous=past) for past in (None, before))
+    assert after.how == fresh.how
+    assert np.array_equal(assert_good(after, model, start), fresh.path)
+
+
 def test_what_is_in_collision_is_named(ur5: Kinematics, post_scene: CollisionModel) -> None:
     planner = Planner(post_scene)
     inside = inverse_kinematics(ur5, IN_THE_POST).q_rad
@@ -230,6 +242,18 @@ def test_a_search_gives_up_in_time(ur5: Kinematics) -> None:
     if plan.outcome is Outcome.TIMED_OUT:
         assert plan.path is None
         assert plan.seconds <= time.perf_counter() - begun
+
+
+def test_a_search_of_so_many_rounds_ends_the_same_way_on_any_machine(post_scene: CollisionModel) -> None:
+    """One round grows one branch of 0.6 rad: too little for the way around the post; many rounds are enough."""
+    start = left_of_the_post(post_scene)
+    goal = inverse_kinematics(post_scene.kinematics, RIGHT, start).q_rad
+    few = Planner(post_scene, replace(PATIENT, rounds_n=1)).plan(start, goal, mode="rrt_connect")
+    assert few.outcome is Outcome.TIMED_OUT
+    assert few.path is None
+    assert "1 rounds" in few.reason
+    many, free = (Planner(post_scene, cfg).plan(start, goal, mode="rrt_connect") for cfg in (ROUNDS, PATIENT))
+    assert np.array_equal(many.path, free.path)
 
 
 @pytest.mark.parametrize("calls", [1, 3])
@@ -283,7 +307,9 @@ def test_a_caller_s_mistake_raises(ur5: Kinematics, call: Callable[[Planner], Pl
         call(Planner(CollisionModel(ur5)))
 
 
-@pytest.mark.parametrize("field", ["time_limit_s", "resolution_rad", "range_rad", "jump_rad", "shortcuts_n"])
+@pytest.mark.parametrize(
+    "field", ["time_limit_s", "resolution_rad", "range_rad", "jump_rad", "shortcuts_n", "rounds_n"]
+)
 def test_settings_must_be_positive(field: str) -> None:
     with pytest.raises(MotionError, match=rf"planner\.{field} must be positive"):
         PlannerCfg(**{field: 0})

@@ -53,7 +53,7 @@ class GraspsBuildCfg:
     """A mesh file in metres, the folder of an object, or an object of Task II such as 006_mustard_bottle."""
 
     gripper: str = "robotiq_2f85"
-    """robotiq_2f85, rg2 or panda."""
+    """robotiq_2f85, rg2, panda or kg3."""
 
     out: Path | None = None
     """The file; by default OBJECT.GRIPPER.grasps.safetensors here. A picture is put beside it."""

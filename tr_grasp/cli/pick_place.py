@@ -53,6 +53,13 @@ class PickPlaceCfg:
     find: Literal["taught", "camera"] = "taught"
     """Where the object is: where it was taught, or where a camera sees it."""
 
+    grasp: Literal["taught", "top_down", "grasp_set"] = "taught"
+    """How an object that the camera sees is grasped: as taught, moved along; from above, whatever it is (Task I's
+    grasps, on the heights that are seen); as in a grasp set, its known shape laid over what is seen."""
+
+    grasp_set: Path | None = None
+    """A file of tr-grasp grasps build for --grasp grasp_set; that of the station's bottle comes with the package."""
+
     camera_pose: Path | None = None
     """A calibration of that camera (tr-grasp calibrate); in simulation it is known."""
 
@@ -75,13 +82,17 @@ class PickPlaceCfg:
     """Film it into this GIF or MP4."""
 
     out: Path | None = None
-    """Write a line of JSON for each trial."""
+    """Write a line of JSON for each trial, and go on from those that are there; on devices, one for each stage."""
 
     def __post_init__(self) -> None:
         if self.trials < 1 or self.retries < 0:
             raise ConfigError(f"--trials must be 1 or more and --retries 0 or more, got {self.trials}, {self.retries}.")
-        if self.trials > 1 and (self.dry_run or self.strip or self.view or self.arm != SIM or self.find != "taught"):
-            raise ConfigError("--trials counts simulated, blind ones; leave the other flags out or make it 1.")
+        if self.trials > 1 and (self.dry_run or self.strip or self.view or self.arm != SIM or self.camera_pose):
+            raise ConfigError("--trials counts simulated ones; leave the other flags out or make it 1.")
+        if self.grasp != "taught" and self.find != "camera":
+            raise ConfigError(f"--grasp {self.grasp} needs --find camera.")
+        if self.grasp_set is not None and self.grasp != "grasp_set":
+            raise ConfigError("--grasp-set is for --grasp grasp_set.")
         if self.arm != SIM and (self.strip or self.view):
             raise ConfigError("--strip and --view draw a simulation; leave them out for --arm " + self.arm)
 
@@ -97,41 +108,16 @@ def main(args: list[str]) -> int:
 
     station = read_station(cfg.station)
     if cfg.trials > 1:
+        from tr_grasp.cli.pick_place_trials import many
+
         return many(cfg, station)
     return simulated(cfg, station) if cfg.arm == SIM else on_devices(cfg, station)
-
-
-def many(cfg: PickPlaceCfg, station: StationCfg) -> int:
-    """Trials with the object shifted, and what became of them."""
-    from tr_grasp.evaluation.pick_place import pick_place_trials
-    from tr_grasp.evaluation.statistics import Counts, wilson_interval
-
-    lines, good = [], []
-    for trial in pick_place_trials(station, cfg.trials, seed=cfg.seed, shift_m=cfg.shift_m, retries_n=cfg.retries):
-        good.append(trial)
-        lines.append(json.dumps(dataclasses.asdict(trial)))
-        print(
-            f"seed {trial.seed}  {'placed' if trial.placed else 'not placed'}  {trial.touches_n} touches  "
-            f"{trial.cycle_s:.1f} s  {trial.reason}",
-            flush=True,
-        )
-        if cfg.out is not None:
-            make_folder(cfg.out.parent)
-            write_atomically(cfg.out, "\n".join(lines) + "\n")
-    successes = sum(trial.succeeded for trial in good)
-    low, high = wilson_interval(Counts(successes, len(good)))
-    times = [trial.cycle_s for trial in good]
-    print(
-        f"{successes} of {len(good)} placed without touching a wall [{100 * low:.0f}, {100 * high:.0f}] %, "
-        f"cycle {np.mean(times):.1f} s ({min(times):.1f} to {max(times):.1f})"
-    )
-    return 0 if successes == len(good) else FAILED
 
 
 def simulated(cfg: PickPlaceCfg, station: StationCfg) -> int:
     """One task in SAPIEN."""
     from tr_grasp.envs.pick_place_view import snapshot, strip_of, view_camera
-    from tr_grasp.envs.pick_place_world import judge, pick_place_world
+    from tr_grasp.envs.pick_place_world import judge, look_camera, pick_place_world
     from tr_grasp.pick_place import BlindPickPlace
 
     rng = np.random.default_rng(cfg.seed)
@@ -157,7 +143,8 @@ def simulated(cfg: PickPlaceCfg, station: StationCfg) -> int:
     devices.world.wait(AFTER_S)
     verdict = judge(devices, station)
     say(result)
-    print(f"the simulator: {'placed' if verdict.placed else 'not placed'}, {len(verdict.touches)} touches of walls")
+    where = ("upright" if verdict.upright else "lying") if verdict.placed else "not placed"
+    print(f"the simulator: {where}, {len(verdict.touches)} touches of walls")
     if cfg.strip is not None and pictures:
         make_folder(cfg.strip.parent)
         write_atomically(cfg.strip, strip_of(pictures))
@@ -197,10 +184,16 @@ def on_devices(cfg: PickPlaceCfg, station: StationCfg) -> int:
     with closing(open_station(cfg.arm, cfg.gripper, cfg.camera, **settings)) as devices:
         guarded = Guard(devices, Kinematics(robot_spec(station.robot))).station
         locate = None if cfg.find == "taught" else locator(cfg, station, guarded)
-        task = BlindPickPlace(
-            station, guarded, locate=locate, watch=lambda record: print(f"  {record.name:12} {record.reason or 'done'}")
-        )
-        result = task.run(cfg.retries)
+        stages = []
+
+        def watch(record) -> None:
+            print(f"  {record.name:12} {record.reason or 'done'}", flush=True)
+            stages.append(json.dumps(dataclasses.asdict(record)))
+            if cfg.out is not None:  # after every stage: whatever happens next, this is known
+                make_folder(cfg.out.parent)
+                write_atomically(cfg.out, "\n".join(stages) + "\n")
+
+        result = BlindPickPlace(station, guarded, locate=locate, watch=watch).run(cfg.retries)
     say(result)
     return 0 if result.outcome.succeeded else FAILED
 
@@ -257,23 +250,15 @@ def say(result: TaskResult) -> None:
     print(f"{result.reason}; {result.cycle_s:.1f} s")
 
 
-def look_camera(station: StationCfg):
-    """A simulated camera that looks at where the object is to be found."""
-    from tr_grasp.sensing import PinholeCamera
-
-    if station.search_m is None:
-        raise ConfigError(f"--find camera needs search_m in the station {station.robot!r}.")
-    middle = np.mean(station.search_m, axis=0)
-    return PinholeCamera.looking_at(middle + np.array([0.75, -0.45, 0.45]), middle, 0.5, 200)
-
-
 def locator(cfg: PickPlaceCfg, station: StationCfg, devices):
     """What finds the object with the camera of the devices.
 
     Raises:
         ConfigError: There is no camera, or its place is not known.
+        GraspError: The grasp set is for something else.
     """
-    from tr_grasp.pick_place import seen_by
+    from tr_grasp.grasps import GraspSet
+    from tr_grasp.pick_place import Perception
 
     if devices.camera is None:
         raise ConfigError("--find camera needs --camera.")
@@ -290,7 +275,8 @@ def locator(cfg: PickPlaceCfg, station: StationCfg, devices):
         T_base_cam = devices.camera.camera.T_base_cam
     else:
         raise ConfigError("--find camera needs --camera-pose, the result of tr-grasp calibrate.")
-    return seen_by(devices.camera, T_base_cam, station)
+    grasps = None if cfg.grasp_set is None else GraspSet.load(cfg.grasp_set)
+    return Perception(station, devices, T_base_cam, cfg.grasp, grasps)
 
 
 class Film:

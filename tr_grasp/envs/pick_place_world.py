@@ -10,6 +10,7 @@ import numpy as np
 from tr_grasp.envs.sapien_station import SapienStation
 from tr_grasp.envs.sapien_world import PHYSICS_HZ, Touch
 from tr_grasp.envs.things import Thing
+from tr_grasp.errors import ConfigError
 from tr_grasp.geometry import rotation_about_z, transform_from
 from tr_grasp.objects.bottle import bottle
 from tr_grasp.pick_place import StationCfg
@@ -17,6 +18,8 @@ from tr_grasp.pick_place.scene import pose_of_box
 from tr_grasp.sensing import PinholeCamera
 
 OBJECT = "object"
+EYE_M, EYE_FOV_RAD, EYE_PX = np.array([0.45, -0.25, 0.85]), 0.5, 240
+UPRIGHT = np.cos(np.radians(20.0))
 PUSHED_M = 1e-3
 """The bottle starts this much above what it stands on."""
 
@@ -29,11 +32,13 @@ class Verdict:
         placed: The object's middle is inside the goal.
         touches: Of the robot or the object's holder on what must not be touched.
         object_m: (3,) where the object's middle is.
+        upright: Its axis leans by less than 20 degrees.
     """
 
     placed: bool
     touches: tuple[Touch, ...]
     object_m: tuple[float, float, float]
+    upright: bool
 
 
 def pick_place_world(
@@ -67,11 +72,24 @@ def pick_place_world(
     return station
 
 
+def look_camera(cfg: StationCfg) -> PinholeCamera:
+    """A camera that looks down, a little from the side, at where the object is to be found.
+
+    Raises:
+        ConfigError: The station does not say where that is.
+    """
+    if cfg.search_m is None:
+        raise ConfigError("the station has no search_m, the region in which to look.")
+    middle = np.mean(cfg.search_m, axis=0)
+    return PinholeCamera.looking_at(middle + EYE_M, middle, EYE_FOV_RAD, EYE_PX)
+
+
 def judge(station: SapienStation, cfg: StationCfg) -> Verdict:
     """Where the object is now and what was touched since the report of touches began."""
-    middle = station.world.true_pose(OBJECT)[:3, 3]
+    T = station.world.true_pose(OBJECT)
+    middle = T[:3, 3]
     inside = cfg.goal_m is not None and all(
         low <= value <= high for value, low, high in zip(middle, *cfg.goal_m, strict=True)
     )
     touches = tuple(touch for touch in station.world.touches if touch.thing in cfg.not_to_touch)
-    return Verdict(bool(inside), touches, tuple(np.round(middle, 4).tolist()))
+    return Verdict(bool(inside), touches, tuple(np.round(middle, 4).tolist()), bool(T[2, 2] > UPRIGHT))

@@ -15,7 +15,7 @@ from tr_grasp.robots.spec import RobotSpec
 
 
 class SapienArm:
-    """Drives follow the commanded joints, with their speed and the torque that their acceleration takes fed forward.
+    """Drives follow the commanded joints; their speed and the torques that the motion takes are fed forward.
 
     The links have no weight (as in Task I): real arms compensate for their own.
 
@@ -93,12 +93,12 @@ class SapienArm:
         for joint, q, dq in zip(self._joints, told.q, told.dq, strict=True):
             joint.set_drive_target(float(q))
             joint.set_drive_velocity_target(float(dq))
-        acceleration = np.zeros(self._articulation.dof)
+        acceleration, self._feed = np.zeros((2, self._articulation.dof))
         acceleration[self._which] = told.ddq
-        self._feed = np.zeros(self._articulation.dof)
-        if told.ddq.any():
+        if told.ddq.any() or told.dq.any():
             mass = self._dynamics.compute_generalized_mass_matrix(self._articulation.qpos)
-            self._feed[self._which] = (mass @ acceleration)[self._which]
+            turning = self._articulation.compute_passive_force(gravity=False, coriolis_and_centrifugal=True)
+            self._feed[self._which] = (mass @ acceleration + turning)[self._which]
         self._articulation.set_qf(self._feed)
 
     def _measured(self) -> tuple[Array, Array]:

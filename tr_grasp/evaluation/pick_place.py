@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from tr_grasp.envs.pick_place_world import judge, pick_place_world
-from tr_grasp.pick_place import BlindPickPlace, StationCfg
+from tr_grasp.envs.pick_place_world import judge, look_camera, pick_place_world
+from tr_grasp.pick_place import BlindPickPlace, GraspChoice, Perception, StationCfg
 
 SETTLE_S = 0.3
 AFTER_S = 0.7
@@ -25,6 +25,7 @@ class PickPlaceTrial:
         outcome: Name of the task's own outcome.
         reason: The same in words.
         placed: The simulator found the object at its goal.
+        upright: There it stands.
         touches_n: Links that touched what must not be touched.
         force_n: The greatest force of these touches.
         cycle_s: Simulated time from the first stage to the end of the last.
@@ -37,6 +38,7 @@ class PickPlaceTrial:
     outcome: str
     reason: str
     placed: bool
+    upright: bool
     touches_n: int
     force_n: float
     cycle_s: float
@@ -49,27 +51,37 @@ class PickPlaceTrial:
 
 
 def pick_place_trials(
-    cfg: StationCfg, trials_n: int, *, seed: int = 0, shift_m: float = 0.01, retries_n: int = 2, physics_hz: int = 120
+    cfg: StationCfg,
+    seeds: Iterable[int],
+    *,
+    shift_m: float = 0.01,
+    retries_n: int = 2,
+    physics_hz: int = 120,
+    grasp: GraspChoice | None = None,
 ) -> Iterator[PickPlaceTrial]:
-    """Trials one after the other; trial ``k`` depends on ``seed + k`` alone.
+    """Trials one after the other; each depends on its seed alone.
 
     Args:
         cfg: The station.
-        trials_n: How many.
-        seed: Of the first.
+        seeds: One for each trial.
         shift_m: Largest shift of the object along x and y; uniform. Its yaw is any.
         retries_n: As for :meth:`BlindPickPlace.run`.
         physics_hz: Steps per second.
+        grasp: How a camera finds the object; blind, if not given.
     """
-    for number in range(seed, seed + trials_n):
+    camera = look_camera(cfg) if grasp is not None else None
+    for number in seeds:
         rng = np.random.default_rng(number)
         dx, dy = (float(d) for d in rng.uniform(-shift_m, shift_m, 2))
         yaw = float(rng.uniform(-np.pi, np.pi))
         x, y, _ = cfg.object.foot_m
-        devices = pick_place_world(cfg, foot_m=(x + dx, y + dy), yaw_rad=yaw, physics_hz=physics_hz)
+        devices = pick_place_world(cfg, foot_m=(x + dx, y + dy), yaw_rad=yaw, camera=camera, physics_hz=physics_hz)
         devices.world.wait(SETTLE_S)
         devices.world.forget_touches()
-        result = BlindPickPlace(cfg, devices).run(retries_n)
+        locate = None
+        if camera is not None and grasp is not None:
+            locate = Perception(cfg, devices, camera.T_base_cam, grasp)
+        result = BlindPickPlace(cfg, devices, locate=locate).run(retries_n)
         devices.world.wait(AFTER_S)
         verdict = judge(devices, cfg)
         yield PickPlaceTrial(
@@ -79,6 +91,7 @@ def pick_place_trials(
             outcome=result.outcome.name,
             reason=result.reason,
             placed=verdict.placed,
+            upright=verdict.upright,
             touches_n=len(verdict.touches),
             force_n=max((touch.force_n for touch in verdict.touches), default=0.0),
             cycle_s=result.cycle_s,

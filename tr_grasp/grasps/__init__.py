@@ -3,8 +3,8 @@
 from tr_grasp.grasps.build import BuildCfg, build_grasp_set, candidate_grasps
 from tr_grasp.grasps.grasp_set import GraspSet, shape_key, shipped_grasp_set, shipped_objects, wilson_lower
 from tr_grasp.grasps.gripper_shape import GripperShape, gripper_shape
-from tr_grasp.grasps.grippers import floating_gripper, gripper_names
-from tr_grasp.grasps.height_map import HeightMap, height_map
+from tr_grasp.grasps.grippers import floating_gripper, gripper_names, gripper_of
+from tr_grasp.grasps.height_map import HeightMap, height_map, height_map_of_points
 from tr_grasp.grasps.poses import Grasps, farthest_points, pose_distance
 from tr_grasp.grasps.sheet import contact_sheet
 from tr_grasp.grasps.tally import forget_tally
@@ -29,8 +29,10 @@ __all__ = [
     "floating_gripper",
     "forget_tally",
     "gripper_names",
+    "gripper_of",
     "gripper_shape",
     "height_map",
+    "height_map_of_points",
     "pose_distance",
     "shape_key",
     "shipped_grasp_set",

@@ -13,7 +13,7 @@ from tr_grasp.robots import JointSpec, LinkSpec, RobotSpec, robot_spec
 from tr_grasp.robots.chain import poses_from
 from tr_grasp.robots.parts import Array, Vector
 
-_ROBOTS = {"robotiq_2f85": "ur5_robotiq_2f85", "rg2": "ur5_rg2", "panda": "panda"}
+_ROBOTS = {"robotiq_2f85": "ur5_robotiq_2f85", "rg2": "ur5_rg2", "panda": "panda", "kg3": "j2s7s300"}
 """Robot of whose data each gripper is a part."""
 
 ROOT, AXES = "free_root", ("x", "y", "z")
@@ -22,8 +22,20 @@ REACH_M, SPEED_MPS, FORCE_N = 2.0, 5.0, 400.0
 
 
 def gripper_names() -> tuple[str, ...]:
-    """Names that :func:`floating_gripper` knows: two-finger grippers, whose closing direction is the tcp's y axis."""
+    """Names that :func:`floating_gripper` knows: grippers that close along the tcp's y axis, from two sides."""
     return tuple(_ROBOTS)
+
+
+def gripper_of(robot: str) -> str:
+    """The gripper that a robot of the package carries.
+
+    Raises:
+        GraspError: No grasps can be tried for this robot's gripper.
+    """
+    carried = {holder: gripper for gripper, holder in _ROBOTS.items()}
+    if robot not in carried:
+        raise GraspError(unknown_name("robot with a gripper for grasp sets", robot, carried))
+    return carried[robot]
 
 
 @cache

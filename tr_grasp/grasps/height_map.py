@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import grey_closing
 
 if TYPE_CHECKING:
     from tr_grasp.sensing import RaycastScene
@@ -60,3 +61,27 @@ def height_map(
     height = np.maximum(LOOK_FROM_M - np.where(hits.body >= 0, hits.distance, LOOK_FROM_M), 0.0)
     owner = np.where(hits.body >= 0, hits.body - objects[0], -1) if len(objects) else hits.body
     return HeightMap(height.reshape(n, n), owner.reshape(n, n), (float(x0), float(y0)), cell_m)
+
+
+def height_map_of_points(
+    points: Array, centre_m: tuple[float, float], side_m: float, cell_m: float = 0.004, table_m: float = 0.0
+) -> HeightMap:
+    """The same from a cloud of one object, all that a camera saw of it; heights are above the table.
+
+    Cells of the object between pixels are filled; what no pixel shows, such as the foot behind it, is taken for table.
+
+    Args:
+        points: (n, 3) of the object, base frame.
+        centre_m: Middle of the square (x, y), base frame.
+        side_m: Its edge.
+        cell_m: Edge of a cell; not less than the distance of the points.
+        table_m: Height of the table.
+    """
+    n = int(side_m / cell_m) + 1
+    origin = np.array(centre_m) - (n - 1) / 2 * cell_m
+    cells = np.rint((points[:, :2] - origin) / cell_m).astype(int)
+    inside = ((cells >= 0) & (cells < n)).all(axis=1)
+    height = np.zeros((n, n))
+    np.maximum.at(height, tuple(cells[inside].T), np.maximum(points[inside, 2] - table_m, 0.0))
+    height = grey_closing(height, size=(3, 3))
+    return HeightMap(height, np.where(height > 0, 0, -1), (float(origin[0]), float(origin[1])), cell_m)

@@ -122,7 +122,8 @@ def open_station(arm: str, gripper: str | None = None, camera: str | None = None
         gripper: One of :data:`GRIPPERS`; the arm's usual one, if not given.
         camera: One of :data:`CAMERAS`, if there is one.
         settings: Fields of the devices' settings with ``arm_``, ``gripper_`` or ``camera_`` before them, such as
-            ``arm_host``; text is turned into numbers where they are. The gripper's host is the arm's, if not given.
+            ``arm_host``; text is turned into numbers where they are. The gripper's host is the arm's, if not given; of
+            a hand behind the arm's own bridge all others are, too.
 
     Returns:
         The station, a :class:`DeviceStation` if it is real; no guard is before it yet.
@@ -138,8 +139,10 @@ def open_station(arm: str, gripper: str | None = None, camera: str | None = None
     if camera is not None and camera not in CAMERAS:
         raise ConfigError(unknown_name("camera", camera, CAMERAS))
     settings = dict(settings)
-    if "arm_host" in settings:
-        settings.setdefault("gripper_host", settings["arm_host"])
+    # Arm and hand behind one bridge have all settings in common; others at least stand at one address.
+    one_bridge = ARMS[pair[0]].settings == GRIPPERS[pair[1]].settings
+    for name in [name for name in settings if name.startswith("arm_") and (one_bridge or name == "arm_host")]:
+        settings.setdefault(name.replace("arm_", "gripper_", 1), settings[name])
     arm_cfg = _cfg(ARMS[pair[0]], "arm", settings)
     gripper_cfg = _cfg(GRIPPERS[pair[1]], "gripper", settings)
     camera_cfg = _cfg(CAMERAS[camera], "camera", settings) if camera else None

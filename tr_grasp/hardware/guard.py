@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from tr_grasp.errors import HardwareError, MotionError
-from tr_grasp.hardware.command import Command
+from tr_grasp.hardware.command import Command, Ending
 from tr_grasp.hardware.guard_cfg import GuardCfg
 from tr_grasp.hardware.guarded import GuardedArm, GuardedGripper, GuardedWorld
 from tr_grasp.hardware.protocols import Station
@@ -54,6 +54,7 @@ class Guard:
         self.reason = ""
         self._setpoint: tuple[float, Array] | None = None
         self._outside_m = 0.0
+        self._commands: list[Command] = []
         self.station = Station(
             GuardedArm(self, station.arm),
             GuardedGripper(self, station.gripper),
@@ -79,6 +80,9 @@ class Guard:
         """Stop everything and refuse what comes."""
         self.reason = self.reason or reason
         self._setpoint = None
+        for command in self._commands:  # before the devices end them: they would not know why
+            command.end(Ending.STOPPED, self.reason)
+        self._commands.clear()
         self.raw.arm.stop()
         self.raw.gripper.stop()
 
@@ -131,6 +135,15 @@ class Guard:
         if excess[1:].max() > excess[0] + ROUNDING:
             return f"the tool would leave the workspace by {1e3 * excess.max():.0f} mm"
         return ""
+
+    def passed(self, command: Command) -> Command:
+        """Remember a command that was let through, so that it can say why it was stopped; a fault of its own trips."""
+        self._commands = [other for other in self._commands if not other.done]
+        if command.result is None:
+            self._commands.append(command)
+        elif command.result.ending is Ending.FAULT:
+            self.trip(command.result.reason)
+        return command
 
     def streamed(self, q: Array | None) -> None:
         """Remember the set-point that was let through; nothing when a stream is over."""

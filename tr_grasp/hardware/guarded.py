@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tr_grasp.hardware.command import Command, Ending
+from tr_grasp.hardware.command import Command
 from tr_grasp.hardware.protocols import Arm, Gripper, World
 from tr_grasp.hardware.readings import ArmState, GripperState, PoseReading
 from tr_grasp.motion import JointState, MotionLimits, Trajectory
@@ -65,9 +65,7 @@ class GuardedArm:
 
     def _passed_on(self, command: Command, q: Array | None = None) -> Command:
         self._guard.streamed(None if command.done else q)
-        if command.result is not None and command.result.ending is Ending.FAULT:
-            self._guard.trip(command.result.reason)
-        return command
+        return self._guard.passed(command)
 
 
 class GuardedGripper:
@@ -92,10 +90,7 @@ class GuardedGripper:
         reason = f"force_n must be up to {most:g}, got {force_n:g}" if force_n is not None and force_n > most else ""
         if refused := self._guard.admit(reason):
             return refused
-        command = self._gripper.move(opening_m, speed_mps=speed_mps, force_n=force_n)
-        if command.result is not None and command.result.ending is Ending.FAULT:
-            self._guard.trip(command.result.reason)
-        return command
+        return self._guard.passed(self._gripper.move(opening_m, speed_mps=speed_mps, force_n=force_n))
 
     def stop(self) -> None:
         """Stay as it is."""

@@ -27,6 +27,10 @@ class PlannerCfg:
     time_limit_s: float = 1.0
     """Give up after this time."""
 
+    rounds_n: int | None = None
+    """Give up each search after this many rounds too, about 0.13 ms each: what is found no longer depends on the
+    machine's speed, as long as the time limit is not what ends it."""
+
     resolution_rad: float = 0.05
     """Largest motion of a joint between two collision checks; the result is checked again at half of it."""
 
@@ -59,7 +63,8 @@ class PlannerCfg:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            positive(f"planner.{field.name}", getattr(self, field.name))
+            if getattr(self, field.name) is not None:
+                positive(f"planner.{field.name}", getattr(self, field.name))
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,9 @@ from tr_grasp.motion.straight import joint_line, tool_line
 
 SAME_RAD = 1e-6
 LIMIT_TOLERANCE_RAD = 1e-6
+BRIEF_ROUNDS_N = 300
+SAME_POSTURE_RAD = 1.0
+"""Goals further apart than this are reached in different postures."""
 FINENESS = (1, 2, 4)
 """How much finer than set RRT-Connect checks its edges, in its first, second and third search."""
 
@@ -103,6 +106,9 @@ class _Attempt:
             return refusal
         past = previous.path if previous is not None else None
         postures = self._postures(start if past is None else past[-1], goal_q, T_goal)
+        if past is not None and not isinstance(postures, Plan) and distance(postures[0], past[-1]) > SAME_POSTURE_RAD:
+            # The posture in which it ended is not free any more, and what it knew of the way there is no help.
+            past, postures = None, self._postures(start, goal_q, T_goal)
         if isinstance(postures, Plan):
             return postures
         if distance(postures[0], start) < SAME_RAD:
@@ -137,8 +143,8 @@ class _Attempt:
                 yield joint_line(self.model, start, posture, self.cfg, self.time_s)
         # A plan that is to follow another one stays in its posture, if that can be reached.
         if past is not None:
-            yield from self._searches(start, postures[:1], share=0.5)
-        yield from self._searches(start, postures)
+            yield from self._searches(start, postures[:1], self._brief, share=0.5)
+        yield from self._searches(start, postures, self.cfg)
 
     def _from_past(self, start: Array, goal: Array, past: Array) -> Iterator[Plan]:
         fine, rest = self.fine_rad, rest_of(past, start)
@@ -146,21 +152,21 @@ class _Attempt:
             yield self._shortened(bent, "reused", self.cfg.reused_shortcuts_n)
             return
         kept = free_beginning(self.model, rest[:-1] if len(rest) > 1 else rest, fine, self.time_s)
-        end = self._around(kept[-1], goal[None], self._left() / 2, self.cfg)
+        end = self._around(kept[-1], goal[None], self._left() / 2, self._brief)
         if end is not None:
             yield self._shortened(np.vstack([kept[:-1], end]), "repaired", self.cfg.reused_shortcuts_n)
 
-    def _searches(self, start: Array, goals: Array, share: float = 1.0) -> Iterator[Plan]:
+    def _searches(self, start: Array, goals: Array, cfg: PlannerCfg, share: float = 1.0) -> Iterator[Plan]:
         """Where a path does not pass its check at half the resolution, the next search is finer.
 
         ``share`` is the part of the time left that they may take.
         """
         until = time.perf_counter() + share * self._left()
         for i, fineness in enumerate(FINENESS):
-            finer = replace(self.cfg, resolution_rad=self.cfg.resolution_rad / fineness, seed=self.cfg.seed + i)
+            finer = replace(cfg, resolution_rad=cfg.resolution_rad / fineness, seed=cfg.seed + i)
             path = self._around(start, goals, until - time.perf_counter(), finer)
             if path is None:
-                yield Plan(Outcome.TIMED_OUT, detail=f"{self.cfg.time_limit_s:g} s")
+                yield Plan(Outcome.TIMED_OUT, detail=self._budget)
                 return
             yield self._shortened(path, "rrt_connect", self.cfg.shortcuts_n)
 
@@ -181,6 +187,17 @@ class _Attempt:
         if not path_is_free(self.model, plan.path, self.fine_rad, self.time_s):
             return Plan(Outcome.INVALIDATED)
         return replace(plan, raw_length_rad=plan.raw_length_rad or plan.length_rad)
+
+    @property
+    def _brief(self) -> PlannerCfg:
+        """For searches that are tried before the one to all goals: what they miss it may find, in any posture."""
+        rounds = BRIEF_ROUNDS_N if self.cfg.rounds_n is None else min(self.cfg.rounds_n, BRIEF_ROUNDS_N)
+        return replace(self.cfg, rounds_n=rounds)
+
+    @property
+    def _budget(self) -> str:
+        rounds = f" or {self.cfg.rounds_n} rounds" if self.cfg.rounds_n is not None else ""
+        return f"{self.cfg.time_limit_s:g} s{rounds}"
 
     @property
     def fine_rad(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from typing import Any
 
@@ -63,8 +64,13 @@ def rrt_connect(
     planner.setRange(cfg.range_rad)
     planner.setProblemDefinition(problem)
     planner.setup()
-    over = ob.PlannerTerminationCondition(lambda: time.perf_counter() > until or (cancel is not None and cancel()))
-    if not planner.solve(over) or not problem.hasExactSolution():
+    rounds = itertools.count(1)
+
+    def over() -> bool:
+        spent = cfg.rounds_n is not None and next(rounds) > cfg.rounds_n
+        return spent or time.perf_counter() > until or (cancel is not None and cancel())
+
+    if not planner.solve(ob.PlannerTerminationCondition(over)) or not problem.hasExactSolution():
         return None
     path: Any = problem.getSolutionPath()  # a PathGeometric, which the bindings declare as a Path
     return np.array([[path.getState(i)[j] for j in range(dof)] for i in range(path.getStateCount())])

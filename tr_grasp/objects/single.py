@@ -7,10 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from tr_grasp.errors import ConfigError, MeshError, unknown_name
+from tr_grasp.objects.bottle import bottle
 from tr_grasp.objects.conveyor import ConveyorObject, conveyor_names, conveyor_object
 from tr_grasp.objects.layouts import ObjectFiles, files_in
 from tr_grasp.objects.meshes import load_files
 
+BOTTLE, BOTTLE_SIZE_M, BOTTLE_KG = "bottle", (0.03, 0.24), 0.2
+"""Radius and height of the bottle that pick and place carries."""
 DENSITY_KGM3 = 600.0
 """Of an object whose mass nobody said: household objects float, most of them."""
 
@@ -19,8 +22,8 @@ def single_object(source: str, *, scale: float = 1.0, mass_kg: float | None = No
     """An object with its mass.
 
     Args:
-        source: A name of :func:`~tr_grasp.objects.conveyor_names`, the path of an object's folder (see ``MeshSet``), or
-            that of a mesh file in metres, which is split into convex parts.
+        source: A name of :func:`~tr_grasp.objects.conveyor_names`, ``bottle`` (that of pick and place), the path of an
+            object's folder (see ``MeshSet``), or that of a mesh file in metres, which is split into convex parts.
         scale: Factor on its size; the mass grows with the volume where it is not given.
         mass_kg: Its mass; by default that of the object of Task II, or its volume at 600 kg/m³.
 
@@ -34,6 +37,9 @@ def single_object(source: str, *, scale: float = 1.0, mass_kg: float | None = No
     if source in conveyor_names():
         known = conveyor_object(source)
         name, model, known_mass = known.name, known.model, known.mass_kg * scale**3
+    elif source == BOTTLE:
+        model = bottle(*BOTTLE_SIZE_M)
+        name, known_mass = BOTTLE, BOTTLE_KG * scale**3
     else:
         model = load_files(_files(Path(source).expanduser()))
         name, known_mass = model.name, DENSITY_KGM3 * model.volume_m3 * scale**3

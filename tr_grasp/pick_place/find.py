@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from tr_grasp.geometry import transform_points
-from tr_grasp.hardware import RGBDCamera, RGBDImage
+from tr_grasp.hardware import RGBDImage
 from tr_grasp.pick_place.station import StationCfg
 
 Array = NDArray[np.floating]
@@ -60,22 +58,3 @@ def find_object(image: RGBDImage, T_base_cam: Array, cfg: StationCfg) -> tuple[f
     if (error := float(np.median(np.abs(errors(fit.x))))) > FIT_ERROR_M:
         return f"what stands there is no cylinder of radius {o.radius_m:g} m: it is {1e3 * error:.0f} mm off"
     return float(fit.x[0]), float(fit.x[1])
-
-
-def seen_by(camera: RGBDCamera, T_base_cam: Array, cfg: StationCfg) -> Callable[[], StationCfg | str]:
-    """Looks, and gives the station with the object and the poses of its grasp where the object is seen.
-
-    Args:
-        camera: Beside the robot; the arm at home must not stand in its way.
-        T_base_cam: (4, 4) where it is.
-        cfg: The station as it was taught.
-    """
-
-    def locate() -> StationCfg | str:
-        found = find_object(camera.capture(), T_base_cam, cfg)
-        if isinstance(found, str):
-            return found
-        x, y, _ = cfg.object.foot_m
-        return cfg.with_grasp_shifted((found[0] - x, found[1] - y, 0.0)).with_object_at(*found)
-
-    return locate

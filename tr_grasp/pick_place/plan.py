@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ from tr_grasp.pick_place.scene import PlanningScene
 from tr_grasp.pick_place.station import StageCfg
 
 Array = NDArray[np.floating]
+Where = Literal["there", "held", "placed"]
+"""Where the object is: still where it is to be taken, in the hand, or put down."""
 POSTURES_N = 6
 BRANCHES_N = 3
 """Postures of a pose that are tried before the one of the stage before is taken to be wrong."""
@@ -85,7 +88,7 @@ def plan_stages(
     """
     begun = time.perf_counter()
     search = _Search(scene, begun + limit_s)
-    found = search.on(np.asarray(start_q, float), tuple(stages), holding, not holding)
+    found = search.on(np.asarray(start_q, float), tuple(stages), "held" if holding else "there")
     seconds = time.perf_counter() - begun
     if found is not None:
         return TaskPlan(tuple(found), seconds=seconds)
@@ -101,20 +104,20 @@ class _Search:
         self.furthest: tuple[list[PlannedStage], StageCfg | None, str] = ([], None, "")
         self._done: list[PlannedStage] = []
 
-    def on(self, q: Array, stages: tuple[StageCfg, ...], holding: bool, present: bool) -> list[PlannedStage] | None:
-        """The rest of the plan from joints on; ``present``: the object still stands where it is to be taken."""
+    def on(self, q: Array, stages: tuple[StageCfg, ...], where: Where) -> list[PlannedStage] | None:
+        """The rest of the plan from joints on."""
         if not stages:
             return []
         stage, *rest = stages
         if stage.do in ("close", "open"):
-            return self._then(PlannedStage(stage), q, tuple(rest), stage.do == "close", False)
+            return self._then(PlannedStage(stage), q, tuple(rest), "held" if stage.do == "close" else "placed")
         tries_n = 0
-        for plan in self._plans(stage, q, holding, present):
+        for plan in self._plans(stage, q, where):
             step = self._timed(stage, plan)
             if step.trajectory is None:
                 self._note(stage, f"{stage.name}: {plan.reason}" if plan.path is None else "it cannot be timed")
                 continue
-            whole = self._then(step, step.trajectory.q_rad[-1], tuple(rest), holding, present)
+            whole = self._then(step, step.trajectory.q_rad[-1], tuple(rest), where)
             tries_n += 1
             if whole is not None:
                 return whole
@@ -123,15 +126,15 @@ class _Search:
         return None
 
     def _then(
-        self, step: PlannedStage, q: Array, rest: tuple[StageCfg, ...], holding: bool, present: bool
+        self, step: PlannedStage, q: Array, rest: tuple[StageCfg, ...], where: Where
     ) -> list[PlannedStage] | None:
         self._done.append(step)
-        further = self.on(q, rest, holding, present)
+        further = self.on(q, rest, where)
         self._done.pop()
         return None if further is None else [step, *further]
 
-    def _plans(self, stage: StageCfg, q: Array, holding: bool, present: bool) -> Iterator[Plan]:
-        model = self._model(stage, holding, present)
+    def _plans(self, stage: StageCfg, q: Array, where: Where) -> Iterator[Plan]:
+        model = self._model(stage, where)
         planner, goal = Planner(model, PlannerCfg(time_limit_s=1.5)), self._scene.goal(stage.to)
         if stage.do == "line":
             yield planner.plan(q, goal, mode="cartesian")
@@ -145,10 +148,12 @@ class _Search:
         for posture in postures:
             yield planner.plan(q, posture)
 
-    def _model(self, stage: StageCfg, holding: bool, present: bool) -> CollisionModel:
-        if holding:
+    def _model(self, stage: StageCfg, where: Where) -> CollisionModel:
+        if where == "held":
             return self._scene.full_hand
-        return self._scene.before_grip if present and stage.do == "move" else self._scene.at_object
+        if stage.do == "line":
+            return self._scene.at_object
+        return self._scene.before_grip if where == "there" else self._scene.after_release
 
     def _timed(self, stage: StageCfg, plan: Plan) -> PlannedStage:
         if plan.path is None:

@@ -53,14 +53,21 @@ class PlanningScene:
 
     def goal(self, name: str) -> Array:
         """Joints (dof,) of home, or ``T_base_tcp`` (4, 4) of a named pose."""
-        return self.home_q if name == HOME else self.station.T_base_link(name) @ self._T_link_tcp
+        return self.home_q if name == HOME else self.tool(self.station.T_base_link(name))
+
+    def tool(self, T_base_link: Array) -> Array:
+        """``T_base_tcp`` (4, 4) where the link whose poses are given is at ``T_base_link``."""
+        return T_base_link @ self._T_link_tcp
 
     @cached_property
     def before_grip(self) -> CollisionModel:
         """The empty hand among all boxes and the object."""
-        o = self.station.object
-        bottle = box("object", (2 * o.radius_m, 2 * o.radius_m, o.height_m), o.T_base_object)
-        return CollisionModel(self.empty_hand, [*self._boxes, bottle])
+        return self._with_object(self.station.object.T_base_object)
+
+    @cached_property
+    def after_release(self) -> CollisionModel:
+        """The empty hand among all boxes and the object at its place."""
+        return self._with_object(self.goal(self.station.place) @ self._T_tcp_object)
 
     @cached_property
     def at_object(self) -> CollisionModel:
@@ -71,6 +78,11 @@ class PlanningScene:
     def full_hand(self) -> CollisionModel:
         """The hand with the object in it, as the taught grasp holds it, among all boxes."""
         return CollisionModel(Kinematics(self._holding(), 2 * self.station.object.radius_m), self._boxes)
+
+    def _with_object(self, T_base_object: Array) -> CollisionModel:
+        o = self.station.object
+        bottle = box("object", (2 * o.radius_m, 2 * o.radius_m, o.height_m), T_base_object)
+        return CollisionModel(self.empty_hand, [*self._boxes, bottle])
 
     @cached_property
     def _boxes(self) -> list[Obstacle]:
@@ -86,8 +98,8 @@ class PlanningScene:
 
     def _holding(self) -> RobotSpec:
         """The robot with one more link, the object."""
-        o, grasp = self.station.object, self._grasp
-        T_tcp_object = invert_transform(self.goal(grasp)) @ o.T_base_object
+        o = self.station.object
+        T_tcp_object = self._T_tcp_object
         height = max(o.height_m - 2 * MARGIN_M, o.height_m / 2)
         rpy = _rpy(T_tcp_object[:3, :3])
         x, y, z = T_tcp_object[:3, 3]
@@ -99,11 +111,31 @@ class PlanningScene:
         )
 
     @property
-    def _grasp(self) -> str:
-        """Name of the pose at which the fingers close."""
-        stages = self.station.stages
-        closing = next(i for i, stage in enumerate(stages) if stage.do == "close")
-        return next((stage.to for stage in reversed(stages[:closing])), HOME)
+    def _T_tcp_object(self) -> Array:
+        """(4, 4) the object in the hand, as it is grasped."""
+        return invert_transform(self.goal(self.station.grasp)) @ self.station.object.T_base_object
+
+    def regrasped(self, T_base_tcp: Array, T_base_object: Array) -> StationCfg:
+        """The station with another grasp of an object that was seen; it is put where the taught motion puts it.
+
+        The object is one of revolution. At its place it is turned about its own axis so that the hand is turned as
+        little as possible from the taught pose.
+
+        Args:
+            T_base_tcp: (4, 4) the hand at the grasp.
+            T_base_object: (4, 4) the middle of the object's height.
+        """
+        cfg = self.station
+        taught = self.goal(cfg.place)
+        T_base_placed, T_object_tcp = taught @ self._T_tcp_object, invert_transform(T_base_object) @ T_base_tcp
+        # The trace of R_taughtᵀ R_placed Rz(turn) R_object_tcp is largest for this turn.
+        M = T_object_tcp[:3, :3] @ taught[:3, :3].T @ T_base_placed[:3, :3]
+        turn = np.arctan2(M[0, 1] - M[1, 0], M[0, 0] + M[1, 1])
+        place = T_base_placed @ transform_from(rotation_about_z(turn), np.zeros(3)) @ T_object_tcp
+        T_tcp_link = invert_transform(self._T_link_tcp)
+        x, y, _ = T_base_object[:3, 3]
+        moved = cfg.with_poses({cfg.grasp: T_base_tcp @ T_tcp_link, cfg.place: place @ T_tcp_link})
+        return moved.with_object_at(x, y)
 
 
 def pose_of_box(b: BoxCfg) -> Array:

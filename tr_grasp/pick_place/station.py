@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tr_grasp.configs.checks import require
 from tr_grasp.errors import unknown_name
-from tr_grasp.geometry import matrix_from_wxyz, transform_from
+from tr_grasp.geometry import matrix_from_wxyz, transform_from, wxyz_from_matrix
 
 Array = NDArray[np.floating]
 Vector = tuple[float, float, float]
@@ -37,6 +37,9 @@ class PoseCfg:
     back_off_m: float = 0.0
     """How far the hand is drawn back against its own z, the direction of approach."""
 
+    lift_m: float = 0.0
+    """How far it is raised along z of the base."""
+
     def __post_init__(self) -> None:
         own = self.position_m is not None and self.orientation_xyzw is not None
         none = self.position_m is None and self.orientation_xyzw is None
@@ -50,7 +53,15 @@ class PoseCfg:
                 abs(length - 1) < UNIT_TOLERANCE,
                 f"orientation_xyzw must be a unit quaternion, got {list(self.orientation_xyzw)} of length {length:.3f}",
             )
-        require(self.back_off_m >= 0, f"back_off_m must not be negative, got {self.back_off_m}")
+        for name in ("back_off_m", "lift_m"):
+            require(getattr(self, name) >= 0, f"{name} must not be negative, got {getattr(self, name)}")
+
+    @classmethod
+    def of(cls, T_base_link: Array) -> PoseCfg:
+        """A pose with the numbers of a matrix (4, 4)."""
+        w, x, y, z = (float(value) for value in wxyz_from_matrix(T_base_link[:3, :3]))
+        px, py, pz = (float(value) for value in T_base_link[:3, 3])
+        return cls((px, py, pz), (x, y, z, w))
 
     def matrix(self) -> Array:
         """``T_base_link`` (4, 4) of a pose with its own numbers."""
@@ -187,7 +198,7 @@ class StationCfg:
             require(name in self.boxes, f"not_to_touch: {unknown_name('box', name, self.boxes)}")
         grips = [stage.do for stage in self.stages if stage.do in ("close", "open")]
         require(grips == ["close", "open"], f"stages must close the fingers once and then open them, got {grips}")
-        closing = next(i for i, stage in enumerate(self.stages) if stage.do == "close")
+        closing = self._stage_of("close")
         require(closing >= 2, "stages must go to a pre-grasp and to a grasp before the fingers close")
         require(self.stages[closing - 1].to != HOME, "stages must not close the fingers at home")
         for name in self.poses:
@@ -195,16 +206,17 @@ class StationCfg:
 
     def T_base_link(self, name: str) -> Array:
         """(4, 4) of a named pose, derived ones worked out."""
-        back_off, seen = 0.0, [name]
+        back_off, lift, seen = 0.0, 0.0, [name]
         pose = self.poses[name]
         while pose.like is not None:
-            back_off += pose.back_off_m
+            back_off, lift = back_off + pose.back_off_m, lift + pose.lift_m
             require(pose.like in self.poses, f"poses.{name}: {unknown_name('pose', pose.like, self.poses)}")
             require(pose.like not in seen, f"poses.{name}: is derived from itself, by way of {' and '.join(seen)}")
             seen.append(pose.like)
             pose = self.poses[pose.like]
         T = pose.matrix()
         T[:3, 3] -= (back_off + pose.back_off_m) * T[:3, 2]
+        T[2, 3] += lift + pose.lift_m
         return T
 
     def with_object_at(self, x_m: float, y_m: float) -> StationCfg:
@@ -214,9 +226,7 @@ class StationCfg:
 
     def with_grasp_shifted(self, shift_m: Vector) -> StationCfg:
         """The same with all poses up to the grip's lift moved along: the object was seen to be elsewhere."""
-        closing = next(i for i, stage in enumerate(self.stages) if stage.do == "close")
-        near = {stage.to for stage in self.stages[: closing + 2]} - {HOME, ""}
-        roots = {self._root(name) for name in near}
+        roots = {self._root(name) for name in (self.grasp, *self.near_grasp)}
         moved = {
             name: replace(pose, position_m=tuple(float(a + b) for a, b in zip(pose.position_m, shift_m, strict=True)))
             if name in roots and pose.position_m is not None
@@ -224,6 +234,35 @@ class StationCfg:
             for name, pose in self.poses.items()
         }
         return replace(self, poses=moved)
+
+    def with_poses(self, T_base_link: Mapping[str, Array]) -> StationCfg:
+        """The same with other numbers (4, 4) for some poses; those derived from them follow."""
+        poses = {name: PoseCfg.of(T) for name, T in T_base_link.items()}
+        return replace(self, poses={**self.poses, **poses})
+
+    @property
+    def approach(self) -> list[str]:
+        """Names of the poses before the grip, in order; the last is the grasp."""
+        return [stage.to for stage in self.stages[: self._stage_of("close")] if stage.to]
+
+    @property
+    def grasp(self) -> str:
+        """Name of the pose at which the fingers close."""
+        return self.approach[-1]
+
+    @property
+    def near_grasp(self) -> list[str]:
+        """Names of the poses before the grasp and of the lift after it."""
+        stages = self.stages[: self._stage_of("close") + 2]
+        return sorted({stage.to for stage in stages} - {HOME, "", self.grasp})
+
+    @property
+    def place(self) -> str:
+        """Name of the pose at which they open."""
+        return next(stage.to for stage in reversed(self.stages[: self._stage_of("open")]) if stage.to)
+
+    def _stage_of(self, action: Action) -> int:
+        return next(i for i, stage in enumerate(self.stages) if stage.do == action)
 
     def _root(self, name: str) -> str:
         while (parent := self.poses[name].like) is not None:
