@@ -1,6 +1,6 @@
-"""Environment steps per second for each robot and with each randomiser alone; how far stereo depth is off.
+"""Environment steps per second by robot, by randomiser and by contact iterations; how far stereo depth is off.
 
-    python -m benchmarks.randomisers [switches | robots | depth]
+    python -m benchmarks.randomisers [switches | robots | contacts | depth]
 
 Prints one JSON row a measurement. The environments of a comparison take turns, step by step, with the same seeds and
 actions, and time is that of one core (process time), so that another load on the machine falls on all alike.
@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from statistics import median
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -30,7 +30,9 @@ from tr_grasp.sensing.stereo import depth_error_m, with_stereo_errors
 
 EPISODES, STEPS, EPISODE_STEPS = 8, 20, 100
 ROBOTS = ("panda", "ur5_rg2", "ur5_robotiq_2f85", "j2s7s300")
+CONTACT_ITERATIONS = (15, 40)
 OBJECTS = ObjectsCfg(count_range=(2, 4))
+Label = TypeVar("Label")
 
 
 @dataclass
@@ -75,7 +77,7 @@ def each_alone() -> dict[str, EnvCfg]:
     return found | {"all": replace(task, randomise=all_on())}
 
 
-def measure(cfgs: Mapping[str, EnvCfg]) -> dict[str, Times]:
+def measure(cfgs: Mapping[Label, EnvCfg]) -> dict[Label, Times]:
     """Step all environments in turn."""
     envs = {name: make_env(cfg, seed=0) for name, cfg in cfgs.items()}
     times = {name: Times() for name in cfgs}
@@ -142,10 +144,23 @@ def print_robots() -> None:
         print_times(f"robot {robot}", times, "robot panda", by_robot["panda"])
 
 
+def print_contacts() -> None:
+    """40 contact iterations, as by default, against the 15 of the shipped policies."""
+    by_iterations = measure({count: EnvCfg(contact_iterations=count) for count in CONTACT_ITERATIONS})
+    few = by_iterations[CONTACT_ITERATIONS[0]]
+    for count, times in by_iterations.items():
+        print_times(f"contact iterations {count}", times, f"contact iterations {CONTACT_ITERATIONS[0]}", few)
+
+
 def main(which: str = "") -> None:
     """Run all parts, or the one that is named."""
     torch.set_num_threads(1)
-    parts = {"depth": print_depth_errors, "switches": print_switches, "robots": print_robots}
+    parts = {
+        "depth": print_depth_errors,
+        "switches": print_switches,
+        "robots": print_robots,
+        "contacts": print_contacts,
+    }
     for run in [parts[which]] if which else parts.values():
         run()
 

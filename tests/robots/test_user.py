@@ -5,6 +5,7 @@ import pytest
 
 from tr_grasp.errors import ConfigError
 from tr_grasp.robots import link_poses, load_robot, robot_spec
+from tr_grasp.robots.bodies import robot_bodies
 
 INERTIA = '<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>'
 URDF = f"""
@@ -52,6 +53,7 @@ def write(tmp_path):
         (tmp_path / "urdf" / "robot.urdf").write_text(urdf)
         if mesh:
             (tmp_path / "meshes" / "bar.stl").write_text(TRIANGLE)
+            (tmp_path / "meshes" / "bar.docx").write_text(TRIANGLE)
         path = tmp_path / "mine.yaml"
         path.write_text(textwrap.dedent(yaml))
         return path
@@ -92,7 +94,23 @@ NO_LIMIT = '<limit lower="-3" upper="3" velocity="1" effort="10"/></joint>'
         ('type="fixed"', 'type="floating"', r"joint 'end' .* is of type 'floating'; valid: revolute, continuous"),
         ("</robot>", "", r"is not XML: no element found"),
         ("robot", "sdf", r"is not URDF: it starts with <sdf>"),
-        ('<link name="tool"/>', "", r"unknown link 'tool'"),
+        ('<mass value="0.1"/>', '<mass value="nan"/>', r"has something else where numbers belong: 'nan' is not finite"),
+        ('ixx="1e-3"', 'ixx="0"', r"link 'upper' .* has an inertia that no body has, but joint 'hip' moves it"),
+        ('<axis xyz="0 -1 0"/>', '<axis xyz="0 0 0"/>', r"joint 'r' .* has an axis of length 0"),
+        ('<link name="tool"/>', "", r"joint 'end' .*: unknown link 'tool'.* Valid: base, left, lower, right, upper\."),
+        (
+            '<parent link="lower"/><child link="left"/>',
+            '<parent link="lowr"/><child link="left"/>',
+            r"joint 'l' .*'lowr'",
+        ),
+        ('<link name="tool"/>', '<link name="tool"/><link name="base"/>', r"has 2 links of the name 'base'; rename"),
+        ('<joint name="r"', '<joint name="l"', r"has 2 joints of the name 'l'; rename all but one"),
+        (
+            '<child link="right"/>',
+            '<child link="left"/>',
+            r"joints 'l' and 'r' of .* both move link 'left'; remove",
+        ),
+        ('<parent link="base"/>', '<parent link="tool"/>', r"joint 'hip' .* is part of a circle of joints; remove one"),
         ('lower="-3" upper="3"', 'lower="a" upper="3"', r"has something else where numbers belong: .*'a'"),
     ],
 )
@@ -114,6 +132,7 @@ def test_a_bad_urdf_is_refused_in_one_sentence(write, old, new, message):
         ("[0.1, -0.2]", "[5, -0.2]", r"home_q_rad puts joint 'hip' at 5.*outside its limits -3..3"),
         ("robot.urdf", "nothing.urdf", r"there is no URDF at '.*nothing.urdf'"),
         ("base_link: base", "base_links: base", r"base_links: unknown; did you mean base_link"),
+        ("tcp_link: tool", "tcp_link: grip", r"unknown link 'grip'"),
         ("base_link: base", "base_link: left", r"no joints lead from link 'left' to link 'tool'"),
         ("urdf:", "name: panda\nurdf:", r"the name 'panda' is taken"),
     ],
@@ -138,3 +157,17 @@ def test_a_missing_mesh_is_named(write):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ConfigError, match=r"there is no robot at '.*none.yaml'; give a YAML file, or one of: panda"):
         load_robot(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize("content", ["", "no mesh at all " * 20])
+def test_a_mesh_without_triangles_is_named(write, content):
+    path = write()
+    (path.parent / "meshes" / "bar.stl").write_text(content)
+    with pytest.raises(ConfigError, match=r"the robot's mesh '.*bar.stl' .*; export it again"):
+        robot_bodies(load_robot(path))
+
+
+def test_a_mesh_that_cannot_be_read_is_named(write):
+    path = write(URDF.replace("bar.stl", "bar.docx"))
+    with pytest.raises(ConfigError, match=r"cannot read the robot's mesh '.*bar.docx': .*; export it again"):
+        robot_bodies(load_robot(path))

@@ -43,7 +43,7 @@ class PlayCfg:
     """The arm of scripted, random or zero: panda, ur5_rg2, ur5_robotiq_2f85, j2s7s300 or your own YAML file."""
 
     objects: str = "test"
-    """test or train for procedural objects, or a folder with one sub-folder per object."""
+    """test or train for procedural objects, procedural_wide, or a folder with one sub-folder per object."""
 
     suite: Literal["single", "scattered", "pile"] = "scattered"
     """One object, 2-4 objects apart, or 4 in a dropped pile."""

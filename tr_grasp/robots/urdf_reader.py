@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -11,6 +10,7 @@ import numpy as np
 
 from tr_grasp.errors import ConfigError
 from tr_grasp.robots.parts import Inertia, JointSpec, LinkSpec, Shape, Vector
+from tr_grasp.robots.urdf_checks import check_tree
 
 Element = ElementTree.Element
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
@@ -26,7 +26,8 @@ class UrdfFile:
         mimic: What to do with ``<mimic>``: refuse it, or read the joint as one of its own.
 
     Raises:
-        ConfigError: No such file, not URDF, a mesh that is missing, a joint that mimics another.
+        ConfigError: No such file, not URDF, a mesh that is missing, a joint that mimics another, links and joints that
+            make no tree.
     """
 
     def __init__(self, path: str | Path, *, mimic: bool = False) -> None:
@@ -47,6 +48,7 @@ class UrdfFile:
             raise
         except ValueError as error:
             raise ConfigError(f"'{self.path}' has something else where numbers belong: {error}.") from None
+        check_tree([link.name for link in self.links], self.joints, self.path)
 
     def _joint(self, joint: Element, mimic: bool) -> JointSpec:
         name = joint.get("name", "")
@@ -61,7 +63,10 @@ class UrdfFile:
         limit, axis = joint.find("limit"), joint.find("axis")
         lower, upper = (-TURNS, TURNS) if kind == "continuous" else (self._number(limit, k) for k in ("lower", "upper"))
         direction = np.array(_floats(axis, "xyz", "1 0 0"))
-        direction = direction / max(float(np.linalg.norm(direction)), 1e-12)
+        length = float(np.linalg.norm(direction))
+        if length == 0 and kind != "fixed":
+            raise ConfigError(f"joint '{name}' of '{self.path}' has an axis of length 0; give it one to move along.")
+        direction = direction / max(length, 1e-12)
         return JointSpec(
             name=name,
             parent=_attribute(joint.find("parent"), "link"),
@@ -78,7 +83,7 @@ class UrdfFile:
 
     @staticmethod
     def _number(element: Element | None, name: str) -> float:
-        return float((element.get(name) if element is not None else None) or 0.0)
+        return _finite((element.get(name) if element is not None else None) or "0")
 
     def _link(self, link: Element) -> LinkSpec:
         shapes = [self._shape(body, "collision") for body in link.findall("collision")]
@@ -137,33 +142,25 @@ class UrdfFile:
         raise ConfigError(f"'{self.path}' names the mesh '{name}', which is not there; put it at '{folder / plain}'.")
 
 
-def check_masses(links: Iterable[LinkSpec], moving: Iterable[JointSpec], path: Path) -> None:
-    """Refuse a link without mass that a joint moves: a simulator would give it one of its own.
-
-    Raises:
-        ConfigError: Such a link.
-    """
-    mass = {link.name: link.mass_kg for link in links}
-    for joint in moving:
-        if mass.get(joint.child, 0.0) <= 0:
-            raise ConfigError(
-                f"link '{joint.child}' of '{path}' has no mass, but joint '{joint.name}' moves it; give it an "
-                "<inertial> with a positive mass."
-            )
-
-
 def _attribute(element: Element | None, name: str) -> str:
     return (element.get(name) if element is not None else None) or ""
 
 
 def _floats(element: Element | None, name: str, default: str = "0 0 0") -> Vector:
-    x, y, z = (float(text) for text in (_attribute(element, name) or default).split())
+    x, y, z = (_finite(text) for text in (_attribute(element, name) or default).split())
     return x, y, z
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not np.isfinite(value):
+        raise ValueError(f"'{text}' is not finite")
+    return value
 
 
 def _inertia(element: Element | None) -> Inertia:
     xx, yy, zz, xy, xz, yz = (
-        float(_attribute(element, name) or 0.0) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        _finite(_attribute(element, name) or "0") for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     )
     return xx, yy, zz, xy, xz, yz
 

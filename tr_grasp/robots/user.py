@@ -23,7 +23,8 @@ from tr_grasp.errors import ConfigError, unknown_name
 from tr_grasp.robots.parts import FingerSpec, GripperSpec, JointSpec
 from tr_grasp.robots.spec import RobotSpec, robot_names
 from tr_grasp.robots.tree import arm_between
-from tr_grasp.robots.urdf_reader import UrdfFile, check_masses
+from tr_grasp.robots.urdf_checks import check_masses
+from tr_grasp.robots.urdf_reader import UrdfFile
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def load_robot(path: str | Path) -> RobotSpec:
 
     Raises:
         ConfigError: A file that is missing, an unknown field, link or joint, joints that are not the way from base to
-            tcp, missing limits, a mimic joint, a missing mesh, a link without mass, a name that is taken.
+            tcp, missing limits, a mimic joint, a missing mesh, a link without mass or inertia, a name that is taken.
     """
     path = Path(path)
     if not path.is_file():
