@@ -32,7 +32,8 @@ def sheet(names: list[str]) -> Image.Image:
     for row, name in enumerate(names):
         gripper = robot_spec(name).gripper
         closed, opened = (1000 * opening for opening in gripper.opening_range_m)
-        captions = [name, f"open {opened:.0f} mm", f"half {(opened + closed) / 2:.0f} mm", f"closed {closed:.0f} mm"]
+        widths = {"open": opened, "half": (opened + closed) / 2, "closed": closed}
+        captions = [name, *(f"{word} {round(width)} mm" for word, width in widths.items())]
         for column, caption in enumerate(captions):
             corner = (column * TILE_PX + 12, row * TILE_PX + 10)
             left, top, right, bottom = draw.textbbox(corner, caption, font=font)

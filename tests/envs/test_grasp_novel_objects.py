@@ -138,6 +138,20 @@ def test_a_book_wider_than_the_hand_is_lifted_by_a_corner_once_friction_converge
     assert lifted[15] < len(seeds)
 
 
+def test_contact_iterations_leave_how_objects_lie_alone_even_in_a_scene_that_stays():
+    lying = {}
+    for iterations in (15, 40):
+        env = make_env(EnvCfg(contact_iterations=iterations, fresh_scene_every_n=2), seed=1)
+        lying[iterations] = []
+        for _ in range(2):
+            env.reset()
+            lying[iterations].append(env.task.view.object_poses())
+        assert {body.solver_position_iterations for body in env.task._bodies} == {iterations}
+        env.close()
+    for few, many in zip(lying[15], lying[40], strict=True):
+        np.testing.assert_array_equal(few, many)
+
+
 def test_an_idle_robot_is_truncated_not_terminated():
     env = make_env(EnvCfg(objects=ONE, episode_steps=5), seed=3)
     steps = env.rollout(50, lambda td: td.set(keys.ACTION, torch.tensor([0.0, 0, 0, 0, 1])))

@@ -52,6 +52,8 @@ from tr_grasp.sensing import Body
 Array = NDArray[np.floating]
 COLLECT_GARBAGE_EVERY = 25
 GRAVITY_MPS2 = 9.81
+SCENE_ITERATIONS = 15
+"""Solver iterations while objects fall and for an arm that touches nothing."""
 
 
 @lru_cache(maxsize=8)
@@ -109,9 +111,10 @@ class GraspNovelObjectsEnv(BaseEnv):
 
     @property
     def _default_sim_config(self) -> SimConfig:
-        # Fewer than 15 position iterations let held boxes and capsules slip.
         # Objects get ``contact_iterations`` once they lie: an arm that touches none of them is solved with these.
-        scene = SceneConfig(contact_offset=0.005, solver_position_iterations=15, solver_velocity_iterations=1)
+        scene = SceneConfig(
+            contact_offset=0.005, solver_position_iterations=SCENE_ITERATIONS, solver_velocity_iterations=1
+        )
         materials = DefaultMaterialsConfig(static_friction=1.0, dynamic_friction=1.0, restitution=0.0)
         return SimConfig(
             sim_freq=self.cfg.physics_hz,
@@ -252,6 +255,7 @@ class GraspNovelObjectsEnv(BaseEnv):
         self._place_arm(aside)
         diagonals = np.array([model.diagonal_m for model in self.models])
         rng = self._rng if self.cfg.randomise.object_poses else np.random.default_rng(0)
+        self._solve_objects_with(SCENE_ITERATIONS)
         drop(
             self.scene.px,
             self._bodies,
@@ -259,8 +263,11 @@ class GraspNovelObjectsEnv(BaseEnv):
             lambda: all_inside(self._positions(), self.cfg.workspace, -0.01),
             self.cfg.physics_hz,
         )
+        self._solve_objects_with(self.cfg.contact_iterations)
+
+    def _solve_objects_with(self, iterations: int) -> None:
         for body in self._bodies:
-            body.solver_position_iterations = self.cfg.contact_iterations
+            body.solver_position_iterations = iterations
 
     def _positions(self) -> Array:
         """(objects, 3) centres of mass [m]."""
