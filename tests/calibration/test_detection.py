@@ -11,6 +11,7 @@ from tr_grasp.calibration import (
     D415_COLOUR,
     BoardSpec,
     Detection,
+    DetectionCfg,
     ImageNoise,
     Intrinsics,
     Reason,
@@ -117,9 +118,8 @@ def test_a_mirrored_picture_is_noticed() -> None:
 def test_a_blurred_picture_is_noticed() -> None:
     blurred = render_board(GRID, T_CAM_BOARD, D415_COLOUR, ImageNoise(blur_px=2.0))
     assert "hold still" in refused(blurred, Reason.BLURRED)
-    shaken = detect_board(cv2.filter2D(PICTURE, -1, np.full((1, 11), 1 / 11)), GRID, D415_COLOUR)
-    assert isinstance(shaken, Refused)
-    assert shaken.reason in (Reason.BLURRED, Reason.NOT_VISIBLE)
+    shaken = cv2.filter2D(PICTURE, -1, np.full((1, 11), 1 / 11))
+    assert "edges are 1.7 pixels wide" in refused(shaken, Reason.BLURRED)
 
 
 def test_a_board_with_more_markers_is_noticed() -> None:
@@ -141,10 +141,10 @@ def test_another_size_is_noticed_where_there_is_depth() -> None:
 
 
 def test_a_board_far_away_is_not_taken() -> None:
-    far = render_board(GRID, transform_of([-0.05, -0.08, 3.2, 0.2, 0, 0]), D415_COLOUR)
-    seen = detect_board(far, GRID, D415_COLOUR)
-    assert isinstance(seen, Refused)
-    assert seen.reason in (Reason.TOO_SMALL, Reason.NOT_VISIBLE)
+    """A marker of 53 mm at 2 m is 616 * 0.053 / 2 = 16 pixels wide seen head-on; this one is turned a little."""
+    far, further = (render_board(GRID, transform_of([-0.05, -0.08, z, 0.2, 0, 0]), D415_COLOUR) for z in (2.0, 3.2))
+    assert "15 pixels wide, 20 are needed" in refused(far, Reason.TOO_SMALL, cfg=DetectionCfg(marker_px=20.0))
+    assert "near and sharp" in refused(further, Reason.NOT_VISIBLE)
 
 
 def test_a_picture_of_another_size_is_refused() -> None:
