@@ -166,7 +166,8 @@ def _grasps_at(
     width = (right - left + 1) * cell
     firm = (flat > demands.flatness) & ((flat > CORNER) | (width >= demands.corner_width_m))
     kept = (held >= 0) & (other == held) & firm
-    i, j, left, right, flat, held, width = (each[kept] for each in (i, j, left, right, flat, held, width))
+    i, j, left, right = i[kept], j[kept], left[kept], right[kept]
+    flat, held, width = flat[kept], held[kept], width[kept]
     slope = _slope(slab, i, j, tcp[i, j] - 0.004, right - left, half, cell)
     middle = (len(height) - 1) / 2
     u, w = (i + (left + right) / 2 - middle) * cell, (j - middle) * cell

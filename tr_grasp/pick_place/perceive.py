@@ -190,7 +190,7 @@ def object_pose(image: RGBDImage, T_base_cam: Array, cfg: StationCfg) -> Array |
         return start if isinstance(start, str) else str(points)
     model = bottle(cfg.object.radius_m, cfg.object.height_m)
     standing = cfg.object.foot_m[2] - float(model.bounds_m[0, 2])
-    shape = model.visual.sample(SHAPE_POINTS_N, seed=0)
+    shape = np.asarray(model.visual.sample(SHAPE_POINTS_N, seed=0), float)
     found = register(points, shape, transform_from(np.eye(3), (*start, standing)))
     if found.fitness < LEAST_FITNESS or found.rmse_m > LARGEST_RMSE_M:
         return (

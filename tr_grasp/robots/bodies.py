@@ -40,7 +40,7 @@ def link_body(link: LinkSpec) -> Body:
 def _parts(shape: Shape) -> Iterator[tuple[trimesh.Trimesh, Array]]:
     """Meshes of one colour (3,)."""
     T, size, colour = origin_transform(shape.xyz_m, shape.rpy_rad), shape.size_m, np.asarray(shape.colour)
-    if shape.kind == "mesh":
+    if shape.mesh is not None:
         for part in _triangles(shape.mesh):
             part.apply_transform(T @ np.diag([*size, 1.0]))
             material = getattr(part.visual, "material", None)
