@@ -107,7 +107,7 @@ class ScriptedExpert(TensorDictModuleBase):
         action[..., -1] = torch.where(flipped, -action[..., -1], action[..., -1])
         if self.wander_steps > 0:
             wanders = self._wanders(tensordict)
-            action[..., :-1] = torch.where(wanders[..., None], _uniform(action[..., :-1]), action[..., :-1])
+            action[..., :-1] = torch.where(wanders[..., None], _uniform(action[..., :-1].shape), action[..., :-1])
             action[..., -1] = torch.where(wanders, OPEN, action[..., -1])
         return tensordict.set(ACTION, action.clamp(-1, 1))
 
@@ -129,12 +129,12 @@ class RandomActions(TensorDictModuleBase):
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Write ``action`` for one environment, or a batch of them."""
-        return tensordict.set(ACTION, 2 * torch.rand(*tensordict.batch_size, self.action_n) - 1)
+        return tensordict.set(ACTION, _uniform((*tensordict.batch_size, self.action_n)))
 
 
-def _uniform(like: Tensor) -> Tensor:
-    """In [-1, 1]."""
-    return 2 * torch.rand_like(like) - 1
+def _uniform(shape: Sequence[int]) -> Tensor:
+    """Random numbers in [-1, 1]."""
+    return 2 * torch.rand(*shape) - 1
 
 
 def _begins(tensordict: TensorDictBase) -> Tensor:
