@@ -37,5 +37,8 @@ SUCCESS = "success"
 ACTION = "action"
 """float32 ``(5,)`` in [-1, 1]: dx, dy, dz, dphi, gripper (positive opens, negative closes)."""
 
+OPEN, CLOSE = 1.0, -1.0
+"""What an expert commands of the gripper, the last component of an action."""
+
 ACTOR_FEATURES = "actor_features"
 CRITIC_FEATURES = "critic_features"

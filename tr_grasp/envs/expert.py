@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from tr_grasp.configs import ActionCfg
 from tr_grasp.geometry import wrap_half_turn
 from tr_grasp.grasps import Grasp, TopDownGrasps
+from tr_grasp.keys import CLOSE, OPEN
 
 Array = NDArray[np.floating]
-OPEN, CLOSE = 1.0, -1.0
 LIFT = 0.5
 MOVING_MPS = 0.02
 """Fingers faster than this are still on their way."""

@@ -10,10 +10,7 @@ from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from tr_grasp.keys import ACTION, EXPERT_ACTION
-
-OPEN = 1.0
-"""The gripper command that opens."""
+from tr_grasp.keys import ACTION, EXPERT_ACTION, OPEN
 
 STEP_COUNT = "step_count"
 """int64 ``(1,)``: steps since the episode began, as TorchRL's ``StepCounter`` writes it."""
