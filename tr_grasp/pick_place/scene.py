@@ -86,15 +86,14 @@ class PlanningScene:
 
     @cached_property
     def _boxes(self) -> list[Obstacle]:
-        return [box(name, b.size_m, pose_of_box(b), margin_m=self._margin(name)) for name, b in self._named]
+        return [
+            box(name, b.size_m, pose_of_box(b), margin_m=self._margin_m(name, b))
+            for name, b in self.station.boxes.items()
+        ]
 
-    @property
-    def _named(self) -> list[tuple[str, BoxCfg]]:
-        return list(self.station.boxes.items())
-
-    def _margin(self, name: str) -> float:
-        # What the object stands on or goes into is come close to; what must not be touched is not.
-        return MARGIN_M if name in self.station.not_to_touch else 0.0
+    def _margin_m(self, name: str, b: BoxCfg) -> float:
+        # What the object stands on is come close to; what must not be touched is not.
+        return max(b.margin_m, MARGIN_M if name in self.station.not_to_touch else 0.0)
 
     def _holding(self) -> RobotSpec:
         """The robot with one more link, the object."""

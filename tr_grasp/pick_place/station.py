@@ -103,11 +103,15 @@ class BoxCfg:
     yaw_deg: float = 0.0
     """Turn about the vertical."""
 
+    margin_m: float = 0.0
+    """By which it grows for planning: what is carried hangs in the hand a little otherwise than planned."""
+
     colour: Vector = (0.6, 0.6, 0.6)
     """Red, green, blue in [0, 1]."""
 
     def __post_init__(self) -> None:
         require(min(self.size_m) > 0, f"size_m must be positive, got {list(self.size_m)}")
+        require(self.margin_m >= 0, f"margin_m must not be negative, got {self.margin_m}")
 
 
 @dataclass(frozen=True)
