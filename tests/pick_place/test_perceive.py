@@ -96,13 +96,27 @@ def test_the_shape_is_laid_over_one_side_of_an_object_that_even_leans(cfg, camer
 
 
 def test_the_taught_grasp_moves_along(cfg, camera):
-    (moved,) = perception(cfg, camera, "taught")()
+    moved = perception(cfg, camera, "taught")()[0]
     shift = moved.T_base_link("grasp")[:3, 3] - cfg.T_base_link("grasp")[:3, 3]
     assert shift == pytest.approx([*SHIFT_M, 0.0], abs=1.5e-3)
     assert moved.T_base_link("place") == pytest.approx(cfg.T_base_link("place"))
 
 
-@pytest.mark.parametrize("choice", ["top_down", "grasp_set"])
+def test_the_taught_grasp_is_turned_about_the_object_where_the_poses_around_it_follow(cfg, camera):
+    def hand_from_object(station):
+        return PlanningScene(station).goal("grasp")[:3, 3] - station.object.T_base_object[:3, 3]
+
+    moved, *turned = perception(cfg, camera, "taught")()
+    first = hand_from_object(moved)
+    for station, turn in zip(turned, np.radians([15, -15, 30, -30, 45, -45]), strict=True):
+        x, y, z = hand_from_object(station)
+        c, s = np.cos(turn), np.sin(turn)
+        assert [x, y, z] == pytest.approx([c * first[0] - s * first[1], s * first[0] + c * first[1], first[2]])
+    own = replace(cfg, poses={**cfg.poses, "pre_grasp": PoseCfg.of(cfg.T_base_link("pre_grasp"))})
+    assert len(perception(own, camera, "taught")()) == 1
+
+
+@pytest.mark.parametrize("choice", ["taught", "top_down", "grasp_set"])
 def test_the_object_is_carried_to_the_taught_place_whatever_the_grasp(cfg, camera, choice):
     taught = PlanningScene(cfg)
     goal = taught.goal("place") @ invert_transform(taught.goal("grasp")) @ cfg.object.T_base_object

@@ -7,7 +7,8 @@ import pytest
 
 from tr_grasp.configs.io import read_mapping
 from tr_grasp.errors import ConfigError
-from tr_grasp.pick_place import PlanningScene, read_station, station_names
+from tr_grasp.motion import inverse_kinematics
+from tr_grasp.pick_place import BoxCfg, PlanningScene, read_station, station_names
 from tr_grasp.pick_place.station_file import _SHIPPED, station_from
 
 
@@ -49,6 +50,19 @@ def test_the_tool_goes_where_the_named_link_has_to_be():
     assert scene.goal("home") == pytest.approx(cfg.home_q_rad)
 
 
+def test_what_a_box_is_grown_by_keeps_the_hand_away_from_it():
+    """A plate 5 cm in front of the tcp at the grasp, where the hand points along -y."""
+    thesis = read_station("thesis")
+    x, y, z = PlanningScene(thesis).goal("grasp")[:3, 3]
+    free = []
+    for margin_m in (0.0, 0.07):
+        plate = BoxCfg((0.2, 0.01, 0.2), (float(x), float(y) - 0.05, float(z)), margin_m=margin_m)
+        scene = PlanningScene(replace(thesis, boxes={"plate": plate}, not_to_touch=()))
+        q = inverse_kinematics(scene.empty_hand, scene.goal("grasp"), scene.home_q).q_rad
+        free.append(bool(np.all(scene.at_object.free(q.reshape(1, -1)))))
+    assert free == [True, False]
+
+
 def test_an_object_seen_elsewhere_moves_the_grasp_and_nothing_else():
     cfg = read_station("thesis")
     moved = cfg.with_grasp_shifted((0.02, -0.01, 0.0)).with_object_at(-0.28, -0.59)
@@ -72,6 +86,7 @@ def test_an_object_seen_elsewhere_moves_the_grasp_and_nothing_else():
         (("stages", 2, "do"), "jump", "one of"),
         (("stages", 3, "do"), "open", "close the fingers once"),
         (("boxes", "left wall", "size_m"), [1.0, 0.0, 1.0], "size_m must be positive"),
+        (("boxes", "carton back", "margin_m"), -0.01, "margin_m must not be negative"),
         (("not_to_touch",), ["left wal"], "did you mean 'left wall'"),
         (("object", "radius_m"), -1, "radius_m must be positive"),
         (("speed_share",), 2.0, "speed_share"),

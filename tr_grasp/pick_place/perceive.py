@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tr_grasp.errors import ConfigError
-from tr_grasp.geometry import rotation_about_z, transform_from, wxyz_from_matrix
+from tr_grasp.geometry import invert_transform, rotation_about_z, transform_from, wxyz_from_matrix
 from tr_grasp.grasps import (
     Grasps,
     GraspSet,
@@ -40,6 +40,8 @@ SHAPE_POINTS_N = 6000
 LEAST_FITNESS, LARGEST_RMSE_M = 0.85, 0.004
 SHIPPED_OBJECT = "bottle"
 TURNS_N = 8
+TAUGHT_TURNS_RAD = np.radians([15.0, -15.0, 30.0, -30.0, 45.0, -45.0])
+"""Turns about the object's axis in which the taught grasp is tried where it cannot be carried out as it is."""
 LOOKED_AT_N = 40
 """Grasps, best first, of which it is asked whether they can be carried to the place."""
 
@@ -52,9 +54,10 @@ class Perception:
         cfg: The station as it was taught.
         devices: With a camera; the arm at home must not stand in its way.
         T_base_cam: (4, 4) where the camera is, from a calibration.
-        choice: ``taught`` moves the taught grasp to where the object is; ``top_down`` plans Task I's grasps on the
-            height map that is seen, and knows nothing of the object's shape; ``grasp_set`` lays the known shape over
-            the cloud and takes grasps that were tried before, ranked for this arm and place.
+        choice: ``taught`` moves the taught grasp to where the object is and, where the arm cannot do it so, turns it
+            about the object's axis; ``top_down`` plans Task I's grasps on the height map that is seen, and knows
+            nothing of the object's shape; ``grasp_set`` lays the known shape over the cloud and takes grasps that
+            were tried before, ranked for this arm and place.
         grasps: For ``grasp_set``; those of the shipped bottle, if not given.
 
     Raises:
@@ -74,13 +77,11 @@ class Perception:
             raise ConfigError("looking for the object needs a camera.")
         if self.cfg.search_m is None:
             raise ConfigError("the station has no search_m, the region in which to look.")
-        if self.choice == "taught":
-            return
-        for name in self.cfg.near_grasp:
-            if self.cfg.poses[name].like != self.cfg.grasp:
-                raise ConfigError(
-                    f"--grasp {self.choice} needs a pose {name!r} that is like {self.cfg.grasp!r}, backed off."
-                )
+        if self.choice != "taught" and self._on_their_own:
+            raise ConfigError(
+                f"--grasp {self.choice} needs a pose {self._on_their_own[0]!r} that is like {self.cfg.grasp!r}, "
+                "backed off."
+            )
         if self.choice == "grasp_set":
             gripper = gripper_of(self.cfg.robot)
             grasps = self.grasps or shipped_grasp_set(SHIPPED_OBJECT, gripper)
@@ -99,7 +100,16 @@ class Perception:
         if isinstance(found, str):
             return found
         x, y, _ = self.cfg.object.foot_m
-        return [self.cfg.with_grasp_shifted((found[0] - x, found[1] - y, 0.0)).with_object_at(*found)]
+        moved = self.cfg.with_grasp_shifted((found[0] - x, found[1] - y, 0.0)).with_object_at(*found)
+        if self._on_their_own:
+            return [moved]
+        T_base_object = moved.object.T_base_object
+        T_object_tcp = invert_transform(T_base_object) @ self._scene.tool(moved.T_base_link(moved.grasp))
+        turned = [
+            self._regrasped(T_base_object @ transform_from(rotation_about_z(turn), np.zeros(3)) @ T_object_tcp, *found)
+            for turn in TAUGHT_TURNS_RAD
+        ]
+        return [moved, *turned]
 
     def _top_down(self, image: RGBDImage) -> Candidates:
         points = object_points(image, self.T_base_cam, self.cfg)
@@ -156,6 +166,11 @@ class Perception:
 
     def _regrasped(self, T_base_tcp: Array, x_m: float, y_m: float) -> StationCfg:
         return self._scene.regrasped(T_base_tcp, self.cfg.with_object_at(x_m, y_m).object.T_base_object)
+
+    @property
+    def _on_their_own(self) -> list[str]:
+        """Poses around the grasp that do not follow it."""
+        return [name for name in self.cfg.near_grasp if self.cfg.poses[name].like != self.cfg.grasp]
 
     @cached_property
     def _scene(self) -> PlanningScene:
