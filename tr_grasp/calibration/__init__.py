@@ -14,7 +14,7 @@ from tr_grasp.calibration.interchange import (
 from tr_grasp.calibration.intrinsics import D415_COLOUR, Intrinsics
 from tr_grasp.calibration.laboratory import LabCfg, Laboratory
 from tr_grasp.calibration.printing import print_board
-from tr_grasp.calibration.rendering import ImageNoise, render_board
+from tr_grasp.calibration.rendering import Eye, ImageNoise, RaycastEye, render_board
 from tr_grasp.calibration.samples import SETUPS, Sample, Setup
 from tr_grasp.calibration.session import Frames, HandEyeSession, SessionCfg
 from tr_grasp.calibration.solve import HandEyeResult, solve_hand_eye
@@ -30,6 +30,7 @@ __all__ = [
     "Coverage",
     "Detection",
     "DetectionCfg",
+    "Eye",
     "Frames",
     "HandEyeResult",
     "HandEyeSession",
@@ -38,6 +39,7 @@ __all__ = [
     "LabCfg",
     "Laboratory",
     "Method",
+    "RaycastEye",
     "Reason",
     "Refused",
     "Sample",

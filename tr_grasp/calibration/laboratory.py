@@ -8,7 +8,7 @@ import numpy as np
 
 from tr_grasp.calibration.board import BoardSpec
 from tr_grasp.calibration.intrinsics import Intrinsics
-from tr_grasp.calibration.rendering import ImageNoise, render_board
+from tr_grasp.calibration.rendering import Eye, ImageNoise, RaycastEye, exposed
 from tr_grasp.calibration.rigid import Array, transform_of
 from tr_grasp.calibration.samples import Sample, Setup
 from tr_grasp.calibration.views import View, best_view, reachable_views
@@ -80,14 +80,19 @@ class Shot:
 class Laboratory:
     """An arm and a camera of which everything is known.
 
+    Args:
+        cfg: What is in it.
+        eye: Takes its pictures; ray-cast, if not given.
+
     Attributes:
         X: True ``T_base_cam`` or ``T_tcp_cam``.
         Z: True ``T_tcp_board`` or ``T_base_board``.
         X_rough: The camera as one would measure it with a tape: 30 mm and 4 degrees off.
     """
 
-    def __init__(self, cfg: LabCfg) -> None:
+    def __init__(self, cfg: LabCfg, eye: Eye | None = None) -> None:
         self.cfg = cfg
+        self._eye = eye or RaycastEye(cfg.board)
         self.rng = np.random.default_rng(cfg.seed)
         self.kinematics = Kinematics(robot_spec(cfg.robot))
         self.X, self.Z = self._places()
@@ -136,7 +141,10 @@ class Laboratory:
     def shoot(self, view: View, is_wrong: bool = False) -> Shot:
         """Go there, take a picture, ask the robot where it is."""
         T_true = self.kinematics.pose(view.q_rad)
-        picture = render_board(self.cfg.board, self.T_cam_board(T_true), self.cfg.camera, self.cfg.image, self.rng)
+        T_base_cam, T_base_board = self.seen_from(T_true)
+        picture = exposed(
+            self._eye.picture(self.cfg.camera, T_base_cam, T_base_board, view.q_rad), self.cfg.image, self.rng
+        )
         return Shot(picture, self.told(T_true, is_wrong), view.q_rad, is_wrong)
 
     def told(self, T_base_tcp: Array, is_wrong: bool = False) -> Array:
@@ -154,8 +162,14 @@ class Laboratory:
 
     def T_cam_board(self, T_base_tcp: Array) -> Array:
         """Where the camera truly sees the board, (4, 4)."""
-        hand = T_base_tcp if self.cfg.setup == "eye_in_hand" else invert_transform(T_base_tcp)
-        return invert_transform(self.X) @ invert_transform(hand) @ self.Z
+        T_base_cam, T_base_board = self.seen_from(T_base_tcp)
+        return invert_transform(T_base_cam) @ T_base_board
+
+    def seen_from(self, T_base_tcp: Array) -> tuple[Array, Array]:
+        """Where camera and board truly are, ``T_base_cam`` and ``T_base_board``."""
+        if self.cfg.setup == "eye_in_hand":
+            return T_base_tcp @ self.X, self.Z
+        return self.X, T_base_tcp @ self.Z
 
     def with_cfg(self, **changes: object) -> Laboratory:
         """The same places, with other noise: to compare conditions on one set of views."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from tr_grasp.calibration.board import BoardSpec
 from tr_grasp.calibration.intrinsics import Intrinsics
 from tr_grasp.calibration.rigid import Array
 from tr_grasp.errors import CalibrationError
+from tr_grasp.geometry import invert_transform
 
 TEXELS_PER_M = 8000.0
 SUBPIXELS = 4
@@ -51,18 +53,51 @@ def render_board(
     Raises:
         CalibrationError: Noise without a generator.
     """
-    noise = noise or ImageNoise()
+    return exposed(board_picture(board, T_cam_board, camera), noise, rng)
+
+
+def board_picture(board: BoardSpec, T_cam_board: Array, camera: Intrinsics) -> Array:
+    """The same (h, w, 3) float32 in levels out of 255, as a camera without blur and noise sees it."""
     picture = _wall(camera.height_px, camera.width_px).copy()
     if T_cam_board[2, 2] > 0:  # else it shows its white back, which nobody looks at
         _paint(picture, board, T_cam_board, camera)
+    return picture[..., None] * np.array([1.0, 0.985, 0.96], np.float32)
+
+
+def exposed(picture: Array, noise: ImageNoise | None = None, rng: np.random.Generator | None = None) -> Array:
+    """What a camera makes of an ideal picture (h, w, 3): blurred, noisy, in 256 levels (uint8).
+
+    Raises:
+        CalibrationError: Noise without a generator.
+    """
+    noise = noise or ImageNoise()
     if noise.blur_px > 0:
         picture = cv2.GaussianBlur(picture, (0, 0), noise.blur_px, borderType=cv2.BORDER_REPLICATE)
-    rgb = picture[..., None] * np.array([1.0, 0.985, 0.96], np.float32)
     if noise.levels > 0:
         if rng is None:
             raise CalibrationError("noise needs a random generator: rng.")
-        rgb = rgb + noise.levels * rng.standard_normal(rgb.shape, np.float32)
-    return np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
+        picture = picture + noise.levels * rng.standard_normal(picture.shape, np.float32)
+    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+class Eye(Protocol):
+    """What takes the pictures of a laboratory, as a camera without blur and noise would."""
+
+    def picture(self, camera: Intrinsics, T_base_cam: Array, T_base_board: Array, q_rad: Array) -> Array:
+        """(h, w, 3) levels out of 255, where camera and board are and with the arm's joints at (dof,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class RaycastEye:
+    """Sees the board before a wall and nothing else; needs no simulator and no graphics driver."""
+
+    board: BoardSpec
+
+    def picture(self, camera: Intrinsics, T_base_cam: Array, T_base_board: Array, q_rad: Array) -> Array:
+        """The arm is not in the picture."""
+        del q_rad
+        return board_picture(self.board, invert_transform(T_base_cam) @ T_base_board, camera)
 
 
 def _paint(picture: Array, board: BoardSpec, T: Array, camera: Intrinsics) -> None:
@@ -78,7 +113,9 @@ def _paint(picture: Array, board: BoardSpec, T: Array, camera: Intrinsics) -> No
     to_texel = np.array(
         [[TEXELS_PER_M, 0, TEXELS_PER_M * margin - 0.5], [0, TEXELS_PER_M, TEXELS_PER_M * margin - 0.5], [0, 0, 1]]
     )
-    x, y, w = np.moveaxis(_rays(camera, low, high) @ (to_texel @ np.linalg.inv(T[:3, [0, 1, 3]])).T, -1, 0)
+    x, y, w = np.moveaxis(
+        subpixel_directions(camera, low, high) @ (to_texel @ np.linalg.inv(T[:3, [0, 1, 3]])).T, -1, 0
+    )
     texture = _texture(board)
     columns, rows = (x / w).astype(np.float32), (y / w).astype(np.float32)
     ink = cv2.remap(texture, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -98,14 +135,21 @@ def _edge_points(outline: Array) -> Array:
     )
 
 
-def _rays(camera: Intrinsics, low: Array, high: Array) -> Array:
-    """(rows, columns, 3) directions, z = 1, of the rays of a window of pixels, SUBPIXELS² for each of them."""
+def subpixel_directions(camera: Intrinsics, low: Array, high: Array, subpixels: int = SUBPIXELS) -> Array:
+    """(rows, columns, 3) directions with z = 1 of the rays through a window of pixels, ``subpixels``² for each.
+
+    Args:
+        camera: With its lens.
+        low: (2,) first column and row.
+        high: (2,) those after the last.
+        subpixels: Rays along an edge of a pixel, evenly spaced.
+    """
     # A lens bends so evenly that its directions are known at whole pixels and linear between them.
     u, v = (np.arange(low[k] - 1.0, high[k] + 1.0) for k in range(2))
     pixels = np.stack(np.meshgrid(u, v), axis=-1)
     directions = cv2.undistortPoints(pixels.reshape(-1, 1, 2), camera.matrix, camera.coefficients).reshape(pixels.shape)
-    fine = cv2.resize(directions, None, fx=SUBPIXELS, fy=SUBPIXELS, interpolation=cv2.INTER_LINEAR)
-    inside = fine[SUBPIXELS:-SUBPIXELS, SUBPIXELS:-SUBPIXELS]
+    fine = cv2.resize(directions, None, fx=subpixels, fy=subpixels, interpolation=cv2.INTER_LINEAR)
+    inside = fine[subpixels:-subpixels, subpixels:-subpixels]
     return np.concatenate([inside, np.ones((*inside.shape[:2], 1))], axis=2)
 
 

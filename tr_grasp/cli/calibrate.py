@@ -11,12 +11,14 @@ import numpy as np
 
 from tr_grasp.calibration.detection import Refused
 from tr_grasp.calibration.interchange import read_samples, record_of, save_calibration, static_transform
-from tr_grasp.calibration.laboratory import Laboratory
+from tr_grasp.calibration.laboratory import LabCfg, Laboratory
 from tr_grasp.calibration.printing import print_board
+from tr_grasp.calibration.rendering import Eye
 from tr_grasp.calibration.rigid import Array, angle_rad, distance_m
 from tr_grasp.calibration.samples import SETUPS, Setup
 from tr_grasp.calibration.session import HandEyeSession, SessionCfg
 from tr_grasp.calibration.solve import HandEyeResult
+from tr_grasp.cli.arguments import require_vulkan
 from tr_grasp.cli.calibrate_flags import AddCfg, BoardCfg, ImportCfg, NewCfg, SimulateCfg, SolveCfg, StatusCfg
 from tr_grasp.configs.io import parse
 from tr_grasp.errors import CalibrationError, unknown_name
@@ -62,7 +64,7 @@ def board(args: list[str]) -> int:
 def simulate(args: list[str]) -> int:
     """Collect, solve, compare with the truth."""
     cfg = parse(SimulateCfg, args, prog="tr-grasp calibrate simulate")
-    lab = Laboratory(cfg.lab)
+    lab = Laboratory(cfg.lab, sapien_eye(cfg.lab) if cfg.pictures == "sapien" else None)
     folder = cfg.out or Path("runs/calibration") / f"{cfg.lab.setup}_seed{cfg.lab.seed}"
     session = HandEyeSession.create(folder, SessionCfg(cfg.lab.setup, cfg.lab.board, lab.told_camera))
     for shot in lab.shoot_all(lab.choose_views(cfg.samples)):
@@ -75,6 +77,18 @@ def simulate(args: list[str]) -> int:
     result = session.solve(cfg.method)
     _finish(session, result, "simulate", args, truth=lab.X)
     return 0
+
+
+def sapien_eye(cfg: LabCfg) -> Eye:
+    """SAPIEN's renderer.
+
+    Raises:
+        ConfigError: There is no Vulkan device.
+    """
+    require_vulkan("--pictures sapien", "--pictures raycast")
+    from tr_grasp.envs.laboratory_eye import SapienEye
+
+    return SapienEye(cfg.robot, cfg.board)
 
 
 def new(args: list[str]) -> int:

@@ -39,6 +39,10 @@ class SimulateCfg:
     lab: LabCfg = field(default_factory=LabCfg)
     """The laboratory."""
 
+    pictures: Literal["raycast", "sapien"] = "raycast"
+    """Who takes the pictures: raycast shows a board before a wall; sapien renders arm, table and shadows too, and needs
+    a Vulkan device."""
+
     samples: int = 11
     """Pictures to take."""
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tr_grasp.cli.arguments import require_vulkan
 from tr_grasp.configs import RandomisationCfg
 from tr_grasp.configs.io import parse
-from tr_grasp.doctor import probe_vulkan
 from tr_grasp.errors import ConfigError
 from tr_grasp.files import make_folder
 
@@ -94,7 +94,7 @@ def main(args: list[str]) -> int:
         make_folder(cfg.view.parent)
     photographs = cfg.view is not None and cfg.view_camera == "sapien"
     if photographs:
-        require_vulkan()
+        require_vulkan("--view-camera sapien", "--view-camera raycast")
     player = with_robot(load_player(cfg.agent), cfg.robot)
     if cfg.random_looks:
         player = replace(player, env=replace(player.env, randomise=with_random_looks(player.env.randomise)))
@@ -149,17 +149,6 @@ def wait_for_ctrl_c() -> None:
             time.sleep(1.0)
     except KeyboardInterrupt:
         return
-
-
-def require_vulkan() -> None:
-    """Refuse to photograph where SAPIEN cannot draw.
-
-    Raises:
-        ConfigError: There is no Vulkan device.
-    """
-    device, error = probe_vulkan()
-    if not device:
-        raise ConfigError(f"--view-camera sapien needs a Vulkan device ({error}); --view-camera raycast needs none.")
 
 
 def episode_line(record: EpisodeRecord) -> str:
