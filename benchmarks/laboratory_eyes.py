@@ -1,8 +1,8 @@
 """Calibration from the ray caster's pictures and from SAPIEN's: ``python -m benchmarks.laboratory_eyes --out FOLDER``.
 
-Needs a Vulkan device. Both eyes look at the same views of the same laboratories (clean, 640 x 480, blur 0.6 px), with 11
-pictures each. Prints a JSON row for each setup and eye: samples that were taken, how far corners are from where the truth
-has them, and how far the calibration is off. Every laboratory is kept in FOLDER, so that a stopped measurement goes on.
+Needs a Vulkan device. Both eyes look at the same 11 views of the same laboratories (clean, 640 x 480, blur 0.6 px).
+Prints a JSON row for each setup and eye: samples that were taken, how far corners are from where the truth has them,
+and how far the calibration is off. Every laboratory is kept in FOLDER, so that a stopped measurement goes on.
 """
 
 from __future__ import annotations
