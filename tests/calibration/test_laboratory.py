@@ -9,6 +9,7 @@ from tr_grasp.calibration import Detection, ImageNoise, Intrinsics, LabCfg, Labo
 from tr_grasp.calibration.laboratory import IntrinsicsError, Shot
 from tr_grasp.calibration.rigid import angle_rad, distance_m
 from tr_grasp.calibration.samples import Sample
+from tr_grasp.calibration.views import View
 from tr_grasp.errors import CalibrationError
 
 
@@ -19,6 +20,26 @@ def test_pictures_show_the_board_where_the_truth_has_it(lab: Laboratory, shots: 
         truth = lab.T_cam_board(lab.kinematics.pose(shot.q_rad))
         assert distance_m(seen.T_cam_board, truth) < 5e-4
         assert angle_rad(seen.T_cam_board, truth) < 2e-3
+
+
+def test_an_eye_is_told_where_camera_board_and_joints_truly_are(setup: Setup) -> None:
+    class Plain:
+        def picture(self, camera, T_base_cam, T_base_board, q_rad):
+            self.told = T_base_cam, T_base_board, q_rad
+            return np.full((camera.height_px, camera.width_px, 3), 100.4, np.float32)
+
+    eye = Plain()
+    lab = Laboratory(LabCfg(setup=setup, seed=1), eye)
+    q = lab.kinematics.home_q_rad
+    hand = lab.kinematics.pose(q)
+    shot = lab.shoot(View(hand, q, np.eye(4)))
+    T_base_cam, T_base_board, joints = eye.told
+    moved, still = (T_base_board, T_base_cam) if setup == "eye_on_base" else (T_base_cam, T_base_board)
+    assert moved == pytest.approx(hand @ (lab.Z if setup == "eye_on_base" else lab.X))
+    assert still == pytest.approx(lab.X if setup == "eye_on_base" else lab.Z)
+    assert joints is q
+    assert (shot.picture == 100).all()
+    assert np.linalg.inv(T_base_cam) @ T_base_board == pytest.approx(lab.T_cam_board(hand))
 
 
 def test_views_of_a_camera_in_the_hand_turn_it_about_every_axis() -> None:

@@ -51,6 +51,23 @@ def test_a_wrong_sample_and_a_lens_are_told(tmp_path: Path, capsys) -> None:
     assert session.cfg.camera.fx_px != 616.0
 
 
+def test_photographs_are_refused_without_a_vulkan_device(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys
+) -> None:
+    monkeypatch.setattr("tr_grasp.cli.arguments.probe_vulkan", lambda: ("", "no driver"))
+    assert run("simulate", "--pictures", "sapien", "--out", tmp_path / "new") == 2
+    assert "--pictures sapien needs a Vulkan device (no driver); --pictures raycast" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.sim
+@pytest.mark.render
+def test_a_camera_is_found_from_photographs_too(tmp_path: Path) -> None:
+    assert run("simulate", "--pictures", "sapien", "--samples", 3, "--out", tmp_path, "--lab.seed", 2) == 0
+    html = (tmp_path / "report.html").read_text()
+    assert float(re.search(r"The truth of this simulation is ([\d.]+) mm", html).group(1)) < 1.5  # type: ignore[union-attr]
+
+
 def test_a_session_goes_from_the_first_picture_to_a_calibration(simulated: Path, tmp_path: Path, capsys) -> None:
     lab = tmp_path / "lab"
     assert run("new", lab, "--session.frames.cam", "camera_color_optical_frame") == 0
