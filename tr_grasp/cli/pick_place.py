@@ -54,8 +54,9 @@ class PickPlaceCfg:
     """Where the object is: where it was taught, or where a camera sees it."""
 
     grasp: Literal["taught", "top_down", "grasp_set"] = "taught"
-    """How an object that the camera sees is grasped: as taught, moved along; from above, whatever it is (Task I's
-    grasps, on the heights that are seen); as in a grasp set, its known shape laid over what is seen."""
+    """How an object that the camera sees is grasped: as taught, moved along and, if need be, turned about the object;
+    from above, whatever it is (Task I's grasps, on the heights that are seen); as in a grasp set, its known shape laid
+    over what is seen."""
 
     grasp_set: Path | None = None
     """A file of tr-grasp grasps build for --grasp grasp_set; that of the station's bottle comes with the package."""
