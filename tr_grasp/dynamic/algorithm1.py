@@ -21,7 +21,6 @@ from tr_grasp.dynamic.tool_path import BLENDS_S, entered, moved_along_tool
 from tr_grasp.grasps.ranking import rank_grasps
 from tr_grasp.motion import (
     JointState,
-    MotionLimits,
     Outcome,
     Plan,
     Planner,
@@ -65,7 +64,6 @@ class Algorithm1:
     def __init__(self, run: Run) -> None:
         self.run, self.cfg = run, run.cfg
         self._planner = Planner(run.scene.way, PLANNER)
-        self._approach_limits = MotionLimits.of(run.task.robot, run.cfg.approach_limits)
         self._rng = np.random.default_rng(run.task.seed)
         self._plan: Plan | None = None
         self._q_pre: Array | None = None
@@ -237,7 +235,7 @@ class Algorithm1:
         times_s = np.array([0.0, APPROACH_S - TURN_S, APPROACH_S, APPROACH_S + ALONG_S])
         rows = np.stack([q[0], q[1] - TURN_S * forward, q[1], q[1] + ALONG_S * along])
         line = Trajectory(times_s, rows, np.stack([forward, forward, along, along]))
-        path = entered(line, start, self._approach_limits, JOINED_S)
+        path = entered(line, start, run.near_limits, JOINED_S)
         if path is None or not run.send(path, start_s):
             return False
         self._forecast = forecast

@@ -59,6 +59,7 @@ class Run:
         self.arm, self.world = station.arm, station.world
         self.kinematics = _kinematics(task.robot)
         self.limits = MotionLimits.of(task.robot, cfg.limits)
+        self.near_limits = MotionLimits.of(task.robot, cfg.approach_limits)
         self.target = Target(task.target, make_predictor(cfg.predictor, cfg.motion_class), cfg.look_ahead)
         self.scene = Scene.of(self.kinematics, task, self.arm.commanded().q)
         self.begun_s = self.world.now_s
@@ -147,7 +148,7 @@ class Run:
         """Follow a moving pose from now on."""
         start_s = self.now_s
         start = self.arm.commanded(start_s)
-        path = follow(self.kinematics, self.limits, tool_poses, start, start_s, duration_s, near_q)
+        path = follow(self.kinematics, self.near_limits, tool_poses, start, start_s, duration_s, near_q)
         return path is not None and self.send(path, start_s)
 
     def close(self, forecast: Forecast, T_obj_tcp: Array, goes_along: bool = True) -> bool:
@@ -220,7 +221,7 @@ class Run:
                 return moved_along_tool(forecast.poses(times_s) @ T_obj_tcp, gone_m)
 
             start = self.arm.commanded(start_s)
-            return follow(self.kinematics, self.limits, poses, start, start_s, duration_s)
+            return follow(self.kinematics, self.near_limits, poses, start, start_s, duration_s)
 
         if (path := shortest_allowed(back, LIFTS_S)) is not None:
             self.send(path, start_s)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tr_grasp.dynamic.approach import Approach
+from tr_grasp.dynamic.approach import Approach, approach_time_s
 from tr_grasp.dynamic.around import way_around
 from tr_grasp.dynamic.attempt import CYCLE_S, Run
 from tr_grasp.dynamic.hopeless import Ending, hopeless
 from tr_grasp.dynamic.intercept import NORMAL_95, Candidates, Found, InterceptSearch, Meeting
 from tr_grasp.dynamic.method import GraspOutcome, Phase
+from tr_grasp.dynamic.reach_time import turning_time
 from tr_grasp.dynamic.target import Forecast
 from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool
 from tr_grasp.grasps.ranking import rank_grasps
@@ -18,9 +19,8 @@ from tr_grasp.motion import Plan
 
 Array = NDArray[np.floating]
 
-APPROACH_S = {"rated": 0.6, "thesis": 1.6}
-SLOWNESS = {"rated": 1.0, "thesis": 2.0}
-"""By how much further ahead a slow arm has to look."""
+HALF_TURNS_AHEAD = 2.0
+"""An arm that needs long for half a turn of its joints looks further ahead."""
 SEARCH_EVERY_S, RETRY_SEARCH_S, DETOUR_EVERY_S = 0.4, 0.12, 0.5
 """Time between two searches while the arm is after something, and while it is not; and between two for detours."""
 RETREAT_M = 0.09
@@ -50,8 +50,9 @@ class MeetingPlanner:
 
     def __init__(self, run: Run) -> None:
         self.run, self.cfg = run, run.cfg
-        self.approach_s = APPROACH_S[run.cfg.limits]
-        self.horizon_s = run.cfg.horizon_s * SLOWNESS[run.cfg.limits]
+        self.approach_s = approach_time_s(run.near_limits, run.cfg.back_off_m)
+        half_turn_s = turning_time(np.pi, run.limits)
+        self.horizon_s = max(run.cfg.horizon_s, HALF_TURNS_AHEAD * half_turn_s)
         self._search: InterceptSearch | None = None
         self._leaps_n = 0
         self._is_too_near = False
@@ -168,7 +169,7 @@ class MeetingPlanner:
         start = run.arm.commanded(start_s)
         if not self.cfg.seeding and meeting.arrival_s - start_s > 1.0:
             return
-        again = self._search.refined(forecast, start, start_s, meeting.candidate, meeting.q, meeting.arrival_s)
+        again = self._search.again(forecast, start, start_s, meeting)
         if again is not None and self._plan is not None and again.arrival_s > meeting.arrival_s + 0.1:
             again = None  # the way around is quicker than going straight from here
         if again is not None and run.send(again.way, start_s):
@@ -192,7 +193,7 @@ class MeetingPlanner:
             self._approach = Approach(begins, self.approach_s)
             run.tell(Phase.APPROACHING)
         start = run.arm.commanded(start_s)
-        path = follow(run.kinematics, run.limits, self._tool_poses(forecast, meeting), start, start_s, FOLLOW_S)
+        path = follow(run.kinematics, run.near_limits, self._tool_poses(forecast, meeting), start, start_s, FOLLOW_S)
         if path is not None and run.send(path, start_s):
             self._stuck_n = 0
             return
