@@ -32,7 +32,7 @@ LEAD_FACTOR, LEAD_MARGIN_S, FORGETTING = 1.15, 0.01, 0.9
 """A plan begins so much later than thinking is expected to take, by the longest thought lately."""
 EARLY_S = 1e-6
 CLOSING_LIMIT_S = 2.0
-LIFTS_S = (0.7, 1.0, 1.5, 2.5, 4.0, 6.0)
+LIFTS_S = (0.7, 1.0, 1.5, 2.5, 4.0, 6.0, 9.0)
 EMPTY_M = 2e-3
 """Pads that are nearer than this hold nothing."""
 RAISED_SHARE = 0.5

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tr_grasp.dynamic.reach_time import least_time
+from tr_grasp.dynamic.reach_time import least_time, turning_time
 from tr_grasp.dynamic.scene import Scene
 from tr_grasp.dynamic.target import Forecast
 from tr_grasp.dynamic.tool_path import moved_along_tool
@@ -35,8 +35,10 @@ CLEARANCE_M = 0.04
 """How far off a forecast may be at the pre-grasp (95 %) without a delay: re-planning corrects it."""
 CORRECTION_M_S = 0.15
 """Speed at which the arm is taken to correct what is further off."""
-ROBUSTNESS_S, EASE_S = 1.0, 1.0
-"""What an unsure grasp, and a nearly singular posture, cost compared to time."""
+EASE_S = 1.0
+"""What a nearly singular posture costs compared to time."""
+HALF_TURNS_LOST = 0.7
+"""A grasp that does not hold costs another attempt: so many half turns of a joint."""
 EASY = 0.03
 JUMP_RAD = 0.9
 """Largest way of a joint from the pre-grasp to the grasp."""
@@ -134,6 +136,7 @@ class InterceptSearch:
         self._T_obj_pre = moved_along_tool(candidates.T_obj_tcp, back_off_m)
         self._leads = np.geomspace(0.04 * horizon_s, horizon_s, LEADS_N)
         # A motion with limited jerk takes about so much longer than its lower bound.
+        self._attempt_s = HALF_TURNS_LOST * turning_time(np.pi, limits)
         self._calm = limits.scaled(1 - RESERVE)
         self._jerk_s = float((limits.acceleration_rad_s2 / limits.jerk_rad_s3).max())
 
@@ -184,9 +187,10 @@ class InterceptSearch:
             or self._on_course(forecast, start_s, meeting)
             or self._met(forecast, start, *at, self.limits)
         )
-        gain_s = meeting.arrival_s - self._least_s(start, start_s, meeting.q)
-        if kept is not None and gain_s < WORTHWHILE * (meeting.arrival_s - start_s):
-            return kept
+        if kept is not None:
+            gain_s = meeting.arrival_s - self._least_s(start, start_s, kept.q)
+            if gain_s < WORTHWHILE * (meeting.arrival_s - start_s):
+                return kept
         sooner = self.refined(forecast, start, start_s, meeting.candidate, meeting.q, meeting.arrival_s)
         found = [one for one in (kept, sooner) if one is not None]
         return min(found, key=lambda one: one.arrival_s, default=None)
@@ -333,7 +337,7 @@ class InterceptSearch:
         ease[finite] = np.minimum(self.kinematics.manipulability(q[finite]) / EASY, 1.0)
         off = NORMAL_95 * forecast.sigma(start_s + arrival) - CLEARANCE_M
         delay = arrival + np.maximum(off, 0.0) / CORRECTION_M_S
-        return delay + ROBUSTNESS_S * (1 - worth)[None, :, None] + EASE_S * (1 - ease)
+        return delay + self._attempt_s * (1 - worth)[None, :, None] + EASE_S * (1 - ease)
 
     def _turned(self, q: Array, reference: Array) -> Array:
         """The same tool axis with the fingers the other way round: the last joint half a turn on, nearest to now."""

@@ -24,8 +24,10 @@ HALF_TURNS_AHEAD = 2.0
 SEARCH_EVERY_S, RETRY_SEARCH_S, DETOUR_EVERY_S = 0.4, 0.12, 0.5
 """Time between two searches while the arm is after something, and while it is not; and between two for detours."""
 RETREAT_M = 0.09
-SETTLED_S = 0.12
-"""So shortly before the arrival, the arm begins to follow instead of aiming again."""
+SETTLED_S, JOINTS_WITHIN_RAD = 0.12, 0.1
+"""So shortly before the arrival, or so near in every joint, the arm begins to follow instead of aiming again."""
+AT_PRE_M = 0.01
+"""So near to the pre-grasp the hand goes forward."""
 DETOURS_N = 2
 FOLLOW_S = 1.6
 SURE_M, SURE_WITHIN_S = 0.012, 2.0
@@ -127,7 +129,7 @@ class MeetingPlanner:
         if run.target.leaps_n != self._leaps_n:
             self._leaps_n = run.target.leaps_n
             self._drop()
-        if self._approach is not None or (self._meeting and self._meeting.arrival_s - start_s < SETTLED_S):
+        if self._approach is not None or self._is_there(forecast, start_s):
             self._follow(forecast, start_s)
             return None
         if self._meeting is not None:
@@ -184,12 +186,40 @@ class MeetingPlanner:
         if goal is None or blocked or (self._plan is None and self._stuck_n > STUCK_N):
             self._drop()
 
+    def _is_there(self, forecast: Forecast, start_s: float) -> bool:
+        """The arm is about to arrive at the pre-grasp; or so near that Algorithm 1 would begin its approach.
+
+        The latter counts where the arm may do more near the object than on its ways.
+        """
+        meeting = self._meeting
+        if meeting is None:
+            return False
+        if meeting.arrival_s - start_s < SETTLED_S:
+            return True
+        if self.cfg.limits == self.cfg.approach_limits:
+            return False
+        assert self._search is not None
+        goal = self._search.goal(forecast, meeting.candidate, meeting.q, start_s)
+        q = self.run.arm.commanded(start_s).q
+        return goal is not None and bool(np.abs(goal.q - q).max() < JOINTS_WITHIN_RAD)
+
+    def _begins_s(self, forecast: Forecast, start_s: float) -> float | None:
+        """When the hand may go forward: at the planned arrival, or now if it is there; nothing if it is not near."""
+        meeting = self._meeting
+        assert meeting is not None
+        if meeting.arrival_s - start_s < SETTLED_S:
+            return max(start_s, meeting.arrival_s)
+        T_pre = self._tool_poses(forecast, meeting)(np.array([start_s]))[0]
+        T = self.run.kinematics.pose(self.run.arm.commanded(start_s).q)
+        return start_s if np.linalg.norm(T[:3, 3] - T_pre[:3, 3]) < AT_PRE_M else None
+
     def _follow(self, forecast: Forecast, start_s: float) -> None:
         """At the pre-grasp and from there to the grasp: keep up with the object, hand in its frame."""
-        run, meeting = self.run, self._meeting
+        run, meeting, begins = self.run, self._meeting, None
         assert meeting is not None
         if self._approach is None and self._is_sure(forecast, start_s):
-            begins = max(start_s, meeting.arrival_s)
+            begins = self._begins_s(forecast, start_s)
+        if begins is not None:
             self._approach = Approach(begins, self.approach_s)
             run.tell(Phase.APPROACHING)
         start = run.arm.commanded(start_s)
