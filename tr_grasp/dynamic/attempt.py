@@ -60,7 +60,7 @@ class Run:
         self.kinematics = _kinematics(task.robot)
         self.limits = MotionLimits.of(task.robot, cfg.limits)
         self.target = Target(task.target, make_predictor(cfg.predictor, cfg.motion_class), cfg.look_ahead)
-        self.scene = Scene.of(self.kinematics, task, self.arm.commanded().q)
+        self.scene = Scene.of(self.kinematics, task, self.arm.commanded().q, cfg.limits)
         self.begun_s = self.world.now_s
         self.thinking_s = self.longest_s = 0.0
         self.attempts = self.loops = self.switches = 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tr_grasp.dynamic.course import FEW, JUMP_RAD, MANY, Course
 from tr_grasp.dynamic.reach_time import least_time
 from tr_grasp.dynamic.scene import Scene
 from tr_grasp.dynamic.target import Forecast
@@ -23,8 +24,6 @@ LEADS_N = 12
 SHORTLIST_N, REFINED_N = 32, 4
 RUCKIG_FACTOR, MARGIN_S = 1.15, 0.05
 """A motion with limited jerk takes about so much longer than its lower bound."""
-AFTERWARDS_S = 1.0
-"""So long after the grasp, its posture must still be there: the arm goes along while the fingers close."""
 NORMAL_95 = 1.645
 CLEARANCE_M = 0.04
 """How far off a forecast may be at the pre-grasp (95 %) without a delay: re-planning corrects it."""
@@ -33,8 +32,6 @@ CORRECTION_M_S = 0.15
 ROBUSTNESS_S, EASE_S = 1.0, 1.0
 """What an unsure grasp, and a nearly singular posture, cost compared to time."""
 EASY = 0.03
-JUMP_RAD = 0.9
-"""Largest way of a joint from the pre-grasp to the grasp."""
 _NEAR = IKCfg(rounds_n=0)
 
 
@@ -124,7 +121,8 @@ class InterceptSearch:
     ) -> None:
         self.scene, self.limits, self.candidates = scene, limits, candidates
         self.kinematics, self.back_off_m = scene.kinematics, back_off_m
-        self.approach_s, self.horizon_s, self.lift_m = approach_s, horizon_s, lift_m
+        self.horizon_s = horizon_s
+        self.course = Course(scene, back_off_m, approach_s, lift_m)
         self._half = len(candidates) // 2
         self._T_obj_pre = moved_along_tool(candidates.T_obj_tcp, back_off_m)
         self._leads = np.geomspace(0.04 * horizon_s, horizon_s, LEADS_N)
@@ -150,17 +148,19 @@ class InterceptSearch:
         c, b = np.unravel_index(order, cheapest.shape)
         t = best_k[c, b]
         postures, times = q[t, c, b], start_s + leads[t]
-        free = self._holds(forecast, c, postures, times)
+        free = self.scene.way.free(postures, times) if len(c) else np.zeros(0, bool)
+        T = self.candidates.T_obj_tcp[c[free]]
+        free[free] = self.course.is_free(forecast, T, postures[free], times[free], FEW)
         counts = int(reachable.sum()), int(in_time.sum()), int(free.sum())
         meetings, blocked = [], []
         for i in np.flatnonzero(free):
             if len(meetings) + len(blocked) >= REFINED_N:
                 break
             meeting = self.refined(forecast, start, start_s, int(c[i]), postures[i], float(times[i]))
-            if meeting is None:
-                blocked.append((int(c[i]), postures[i], float(times[i])))
-            else:
+            if meeting is not None:
                 meetings.append(meeting)
+            elif self.can_go_on(forecast, int(c[i]), postures[i], float(times[i])):
+                blocked.append((int(c[i]), postures[i], float(times[i])))
         best = min(meetings, key=lambda meeting: meeting.cost_s, default=None)
         return Found(*counts, best, tuple(blocked))
 
@@ -192,7 +192,7 @@ class InterceptSearch:
             if goal is None or timing is None or timing.trajectory is None:
                 return None
             way, q, aim_s = timing.trajectory, goal.q, max(arrival_s, start_s + timing.trajectory.duration_s)
-        if not self.scene.is_free(way, start_s):
+        if not self.can_go_on(forecast, candidate, q, aim_s) or not self.scene.is_free(way, start_s):
             return None
         return self.meeting(forecast, candidate, q, start_s, aim_s, way)
 
@@ -218,23 +218,10 @@ class InterceptSearch:
         speed = np.clip((q[1] - q[0]) / 0.1, -top, top)
         return JointState(q[0], speed, np.zeros_like(speed))
 
-    def _holds(self, forecast: Forecast, c: Index, q: Array, times_s: Array) -> NDArray[np.bool_]:
-        """(n,) whether pre-grasp, grasp, grasp a while later, and that one lifted, are free and near to each other."""
-        if not len(c):
-            return np.zeros(0, bool)
-        scene, ok = self.scene, self.scene.way.free(q, times_s)
-        before, later_s = q, self.approach_s + AFTERWARDS_S
-        for after_s, up_m in ((self.approach_s, 0.0), (later_s, 0.0), (later_s, self.lift_m)):
-            times = times_s + after_s
-            T = forecast.poses(times) @ self.candidates.T_obj_tcp[c]
-            T[:, 2, 3] += up_m
-            at = inverse_kinematics(self.kinematics, T, before, _NEAR).q_rad
-            near = np.asarray(np.isfinite(at).all(-1))
-            near[near] = np.abs(at - before)[near].max(-1) < JUMP_RAD
-            ok &= near
-            before = np.where(ok[:, None], at, before)
-            ok &= scene.grasp.free(before, times)
-        return ok
+    def can_go_on(self, forecast: Forecast, candidate: int, q: Array, time_s: float) -> bool:
+        """Whether everything from a posture at the pre-grasp on is free if the hand leaves it at a time."""
+        T = self.candidates.T_obj_tcp[candidate][None]
+        return bool(self.course.is_free(forecast, T, q[None], np.array([time_s]), MANY)[0])
 
     def _costs(
         self,

@@ -8,13 +8,15 @@ from numpy.typing import NDArray
 from tr_grasp.dynamic.approach import Approach
 from tr_grasp.dynamic.around import way_around
 from tr_grasp.dynamic.attempt import CYCLE_S, Run
+from tr_grasp.dynamic.course import AFTERWARDS_S
 from tr_grasp.dynamic.hopeless import Ending, hopeless
 from tr_grasp.dynamic.intercept import NORMAL_95, Candidates, Found, InterceptSearch, Meeting
 from tr_grasp.dynamic.method import GraspOutcome, Phase
+from tr_grasp.dynamic.step_out import step_out
 from tr_grasp.dynamic.target import Forecast
 from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool
 from tr_grasp.grasps.ranking import rank_grasps
-from tr_grasp.motion import Plan
+from tr_grasp.motion import JointState, Plan, point_to_point
 
 Array = NDArray[np.floating]
 
@@ -56,6 +58,7 @@ class MeetingPlanner:
         self._leaps_n = 0
         self._is_too_near = False
         self._avoid: set[int] = set()
+        self._rng = np.random.default_rng(run.task.seed)
         self._begin()
 
     def reach(self) -> Ending | None:
@@ -147,8 +150,11 @@ class MeetingPlanner:
         best = found.best
         if best is None and self._meeting is None and found.blocked and start_s >= self._detour_s:
             best, self._detour_s = self._around(search, found, forecast, start_s), start_s + DETOUR_EVERY_S
+        if best is None and self._meeting is None:
+            self._step_out(start, start_s)
+            return self._no_hope(found, forecast, start_s)
         if best is None:
-            return None if self._meeting is not None else self._no_hope(found, forecast, start_s)
+            return None
         self._hopeless_since_s = None
         now = self._meeting
         if now is not None:
@@ -159,6 +165,16 @@ class MeetingPlanner:
         if run.send(best.way, best.start_s):
             self._meeting, self._stuck_n = best, 0
         return None
+
+    def _step_out(self, start: JointState, start_s: float) -> None:
+        """Where the arm stands too near to something, every way is blocked from its beginning: get away from there."""
+        run = self.run
+        if run.scene.way.contact(start.q, start_s) is None:
+            return
+        out = step_out(run.scene.way, run.limits, start.q, start_s, self._rng)
+        way = None if out is None else point_to_point(start, JointState.at_rest(out), run.limits).trajectory
+        if way is not None:
+            run.send(way, start_s)
 
     def _refresh(self, forecast: Forecast, start_s: float) -> None:
         """Aim again at the same grasp, with what is known now."""
@@ -187,13 +203,19 @@ class MeetingPlanner:
         """At the pre-grasp and from there to the grasp: keep up with the object, hand in its frame."""
         run, meeting = self.run, self._meeting
         assert meeting is not None
+        assert self._search is not None
+        start = run.arm.commanded(start_s)
         if self._approach is None and self._is_sure(forecast, start_s):
             begins = max(start_s, meeting.arrival_s)
+            if not self._search.can_go_on(forecast, meeting.candidate, start.q, begins):
+                self._drop()
+                return
             self._approach = Approach(begins, self.approach_s)
             run.tell(Phase.APPROACHING)
-        start = run.arm.commanded(start_s)
         path = follow(run.kinematics, run.limits, self._tool_poses(forecast, meeting), start, start_s, FOLLOW_S)
-        if path is not None and run.send(path, start_s):
+        done_s = start_s + self.approach_s if self._approach is None else self._approach.ends_s
+        is_clear = path is not None and run.scene.is_free_at_grasp(path, start_s, done_s + AFTERWARDS_S)
+        if path is not None and is_clear and run.send(path, start_s):
             self._stuck_n = 0
             return
         self._stuck_n += 1
@@ -220,7 +242,7 @@ class MeetingPlanner:
         assert approach is not None
         assert self._forecast is not None
         assert self._meeting is not None
-        if run.now_s < approach.begins_s + approach.takes_s:
+        if run.now_s < approach.ends_s:
             return False
         T = self._forecast.poses(np.array([run.now_s]))[0] @ self._meeting.T_obj_tcp
         off_m, off_rad = run.tool_error(T)
@@ -232,7 +254,7 @@ class MeetingPlanner:
 
     def _is_overdue(self, now_s: float) -> bool:
         approach = self._approach
-        return approach is not None and now_s > approach.begins_s + approach.takes_s + ALIGN_LIMIT_S
+        return approach is not None and now_s > approach.ends_s + ALIGN_LIMIT_S
 
     def _drop(self) -> None:
         """Forget what the arm is after; from an approach that was broken off, the hand has to get away first."""
@@ -254,7 +276,7 @@ class MeetingPlanner:
             plan, way = found_way
             arrival_s = start_s + way.duration_s
             goal = search.goal(forecast, candidate, q, arrival_s)
-            if goal is not None:
+            if goal is not None and search.can_go_on(forecast, candidate, goal.q, arrival_s):
                 self._plan = plan
                 return search.meeting(forecast, candidate, goal.q, start_s, arrival_s, way)
         return None
