@@ -65,7 +65,6 @@ class Algorithm1:
         self.run, self.cfg = run, run.cfg
         self._planner = Planner(run.scene.way, PLANNER)
         self._approach_limits = MotionLimits.of(run.task.robot, run.cfg.approach_limits)
-        self._rng = np.random.default_rng(run.task.seed)
         self._plan: Plan | None = None
         self._q_pre: Array | None = None
         self._T_obj_tcp: Array | None = None
@@ -186,7 +185,7 @@ class Algorithm1:
         plan = self._planner.plan(start_q, q, previous=previous, time_s=when_s)
         if plan.outcome is not Outcome.START_IN_COLLISION:
             return plan
-        out = step_out(self.run.scene.way, self.run.limits, start_q, when_s, self._rng)
+        out = step_out(self.run.scene.way, self.run.limits, start_q, when_s, self.run.rng)
         if out is None:
             return plan
         plan = self._planner.plan(out, q, previous=previous, time_s=when_s)

@@ -71,6 +71,8 @@ class Course:
         """
         ok, before = np.ones(len(q), bool), q
         for station in stations:
+            if not ok.any():
+                break
             times = times_s + station.forward * self.approach_s + station.since_grasp_s
             T = moved_along_tool(forecast.poses(times) @ T_obj_tcp, (1 - station.forward) * self.back_off_m)
             T[:, 2, 3] += station.up * self.lift_m
@@ -79,7 +81,6 @@ class Course:
             near[near] = np.abs(at - before)[near].max(-1) < JUMP_RAD
             ok &= near
             before = np.where(near[:, None], at, before)
-            ok[ok] = self.scene.grasp.free(before[ok], times[ok])
-            if not ok.any():
-                break
+            if ok.any():
+                ok[ok] = self.scene.grasp.free(before[ok], times[ok])
         return ok

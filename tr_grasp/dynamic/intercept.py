@@ -32,6 +32,8 @@ CORRECTION_M_S = 0.15
 ROBUSTNESS_S, EASE_S = 1.0, 1.0
 """What an unsure grasp, and a nearly singular posture, cost compared to time."""
 EASY = 0.03
+LEVER_S_M = 10.0
+"""And one that holds the object off its centre of mass: what swings there turns between two pads, and creeps out."""
 _NEAR = IKCfg(rounds_n=0)
 
 
@@ -43,18 +45,21 @@ class Candidates:
         T_obj_tcp: (m, 4, 4).
         worth: (m,) in [0, 1].
         number: (m,) which grasp of the set each is.
+        lever_m: (m,) distance of the line along which the fingers close from the object's centre of mass.
     """
 
     T_obj_tcp: Array
     worth: Array
     number: Index
+    lever_m: Array
 
     @classmethod
     def of(cls, grasps: GraspSet, chosen: Index) -> Candidates:
         """Those of the set that an index chooses."""
         T, worth = grasps.grasps.poses()[chosen], grasps.robustness[chosen]
         turned = T @ HALF_TURN
-        return cls(np.concatenate([T, turned]), np.tile(worth, 2), np.tile(chosen, 2))
+        lever = np.linalg.norm(np.cross(T[:, :3, 1], T[:, :3, 3]), axis=1)
+        return cls(np.concatenate([T, turned]), np.tile(worth, 2), np.tile(chosen, 2), np.tile(lever, 2))
 
     def __len__(self) -> int:
         return len(self.worth)
@@ -238,10 +243,11 @@ class InterceptSearch:
         if bound is not None:  # what cannot be in time need not be judged
             finite &= RUCKIG_FACTOR * bound + MARGIN_S <= leads[:, None, None]
         ease[finite] = np.minimum(self.kinematics.manipulability(q[finite]) / EASY, 1.0)
-        worth = self.candidates.worth if candidates is None else self.candidates.worth[candidates]
+        chosen = slice(None) if candidates is None else candidates
+        unsure = ROBUSTNESS_S * (1 - self.candidates.worth[chosen]) + LEVER_S_M * self.candidates.lever_m[chosen]
         off = NORMAL_95 * forecast.sigma(start_s + leads) - CLEARANCE_M
         delay = leads + np.maximum(off, 0.0) / CORRECTION_M_S
-        return delay[:, None, None] + ROBUSTNESS_S * (1 - worth)[None, :, None] + EASE_S * (1 - ease)
+        return delay[:, None, None] + unsure[None, :, None] + EASE_S * (1 - ease)
 
     def _turned(self, q: Array, reference: Array) -> Array:
         """The same tool axis with the fingers the other way round: the last joint half a turn on, nearest to now."""

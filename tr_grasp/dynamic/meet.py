@@ -12,11 +12,10 @@ from tr_grasp.dynamic.course import AFTERWARDS_S
 from tr_grasp.dynamic.hopeless import Ending, hopeless
 from tr_grasp.dynamic.intercept import NORMAL_95, Candidates, Found, InterceptSearch, Meeting
 from tr_grasp.dynamic.method import GraspOutcome, Phase
-from tr_grasp.dynamic.step_out import step_out
 from tr_grasp.dynamic.target import Forecast
 from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool
 from tr_grasp.grasps.ranking import rank_grasps
-from tr_grasp.motion import JointState, Plan, point_to_point
+from tr_grasp.motion import Plan
 
 Array = NDArray[np.floating]
 
@@ -58,7 +57,6 @@ class MeetingPlanner:
         self._leaps_n = 0
         self._is_too_near = False
         self._avoid: set[int] = set()
-        self._rng = np.random.default_rng(run.task.seed)
         self._begin()
 
     def reach(self) -> Ending | None:
@@ -151,7 +149,7 @@ class MeetingPlanner:
         if best is None and self._meeting is None and found.blocked and start_s >= self._detour_s:
             best, self._detour_s = self._around(search, found, forecast, start_s), start_s + DETOUR_EVERY_S
         if best is None and self._meeting is None:
-            self._step_out(start, start_s)
+            run.step_out(start, start_s)
             return self._no_hope(found, forecast, start_s)
         if best is None:
             return None
@@ -165,16 +163,6 @@ class MeetingPlanner:
         if run.send(best.way, best.start_s):
             self._meeting, self._stuck_n = best, 0
         return None
-
-    def _step_out(self, start: JointState, start_s: float) -> None:
-        """Where the arm stands too near to something, every way is blocked from its beginning: get away from there."""
-        run = self.run
-        if run.scene.way.contact(start.q, start_s) is None:
-            return
-        out = step_out(run.scene.way, run.limits, start.q, start_s, self._rng)
-        way = None if out is None else point_to_point(start, JointState.at_rest(out), run.limits).trajectory
-        if way is not None:
-            run.send(way, start_s)
 
     def _refresh(self, forecast: Forecast, start_s: float) -> None:
         """Aim again at the same grasp, with what is known now."""
