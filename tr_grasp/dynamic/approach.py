@@ -39,6 +39,11 @@ class Approach:
     begins_s: float
     takes_s: float
 
+    @property
+    def ends_s(self) -> float:
+        """When it is at the grasp."""
+        return self.begins_s + self.takes_s
+
     def back_m(self, times_s: Array, back_off_m: float) -> Array:
         """How far the hand is still back (n,)."""
         return back_off_m * (1 - smooth((times_s - self.begins_s) / self.takes_s))

@@ -29,7 +29,8 @@ Array = NDArray[np.floating]
 RESOLUTION_RAD = 0.05
 BACK_M, UP_M = (0.1, 0.2), (0.12, 0.25)
 """How far via-points lie behind the pre-grasp, against the approach, and above it."""
-PLANNER = PlannerCfg(time_limit_s=0.25, shortcuts_n=25)
+PLANNER = PlannerCfg(time_limit_s=0.25, shortcuts_n=25, resolution_rad=0.03)
+"""Finer than motions are checked afterwards, else these find contacts at corners that a plan has only grazed."""
 _NEAR = IKCfg(rounds_n=0)
 
 

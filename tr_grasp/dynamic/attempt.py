@@ -15,11 +15,12 @@ from tr_grasp.dynamic.charges import charged
 from tr_grasp.dynamic.method import DynamicTask, GraspOutcome, MethodResult, Phase
 from tr_grasp.dynamic.scene import Scene
 from tr_grasp.dynamic.settings import GrasperCfg
+from tr_grasp.dynamic.step_out import step_out
 from tr_grasp.dynamic.target import Forecast, Target
 from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool, shortest_allowed, smooth
 from tr_grasp.grasps.ranking import NO_AIDS, RankingAids
 from tr_grasp.hardware import Ending, Station
-from tr_grasp.motion import Kinematics, MotionLimits, Trajectory
+from tr_grasp.motion import JointState, Kinematics, MotionLimits, Trajectory, point_to_point
 from tr_grasp.prediction.registry import make_predictor
 from tr_grasp.robots import RobotSpec
 
@@ -61,7 +62,8 @@ class Run:
         self.limits = MotionLimits.of(task.robot, cfg.limits)
         self.near_limits = MotionLimits.of(task.robot, cfg.approach_limits)
         self.target = Target(task.target, make_predictor(cfg.predictor, cfg.motion_class), cfg.look_ahead)
-        self.scene = Scene.of(self.kinematics, task, self.arm.commanded().q)
+        self.scene = Scene.of(self.kinematics, task, self.arm.commanded().q, cfg.limits)
+        self.rng = np.random.default_rng(task.seed)
         self.begun_s = self.world.now_s
         self.thinking_s = self.longest_s = 0.0
         self.attempts = self.loops = self.switches = 0
@@ -137,6 +139,17 @@ class Run:
             return False
         command = self.arm.move(trajectory, at_s=at_s)
         return command.result is None or command.result.ending is not Ending.REFUSED
+
+    def step_out(self, start: JointState, start_s: float) -> bool:
+        """Get away from where the arm stands too near to something, and every way is blocked from its beginning.
+
+        False if it stands free, or no way out was found.
+        """
+        if self.scene.way.contact(start.q, start_s) is None:
+            return False
+        out = step_out(self.scene.way, self.limits, start.q, start_s, self.rng)
+        way = None if out is None else point_to_point(start, JointState.at_rest(out), self.limits).trajectory
+        return way is not None and self.send(way, start_s)
 
     def tool_error(self, T_base_tcp: Array) -> tuple[float, float]:
         """How far [m] and how much turned [rad] the tool is from where it should be, as measured."""

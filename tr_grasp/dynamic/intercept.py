@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tr_grasp.dynamic.course import FEW, JUMP_RAD, MANY, Course
 from tr_grasp.dynamic.reach_time import least_time, turning_time
 from tr_grasp.dynamic.scene import Scene
 from tr_grasp.dynamic.target import Forecast
@@ -28,8 +29,6 @@ PUNCTUAL_S, ON_COURSE_RAD = 0.002, 0.01
 """So much later than planned is on time, and so far off is what following corrects."""
 RESERVE, WORTHWHILE = 0.05, 0.1
 """Share of the limits that is kept for corrections, and of the time ahead that an earlier arrival must gain."""
-AFTERWARDS_S = 1.0
-"""So long after the grasp, its posture must still be there: the arm goes along while the fingers close."""
 NORMAL_95 = 1.645
 CLEARANCE_M = 0.04
 """How far off a forecast may be at the pre-grasp (95 %) without a delay: re-planning corrects it."""
@@ -40,8 +39,8 @@ EASE_S = 1.0
 HALF_TURNS_LOST = 0.7
 """A grasp that does not hold costs another attempt: so many half turns of a joint."""
 EASY = 0.03
-JUMP_RAD = 0.9
-"""Largest way of a joint from the pre-grasp to the grasp."""
+LEVER_PER_M = 10.0
+"""Risk that it does not hold, for its distance from the centre of mass: what swings there creeps out of two pads."""
 _NEAR = IKCfg(rounds_n=0)
 
 
@@ -53,18 +52,21 @@ class Candidates:
         T_obj_tcp: (m, 4, 4).
         worth: (m,) in [0, 1].
         number: (m,) which grasp of the set each is.
+        lever_m: (m,) distance of the line along which the fingers close from the object's centre of mass.
     """
 
     T_obj_tcp: Array
     worth: Array
     number: Index
+    lever_m: Array
 
     @classmethod
     def of(cls, grasps: GraspSet, chosen: Index) -> Candidates:
         """Those of the set that an index chooses."""
         T, worth = grasps.grasps.poses()[chosen], grasps.robustness[chosen]
         turned = T @ HALF_TURN
-        return cls(np.concatenate([T, turned]), np.tile(worth, 2), np.tile(chosen, 2))
+        lever = np.linalg.norm(np.cross(T[:, :3, 1], T[:, :3, 3]), axis=1)
+        return cls(np.concatenate([T, turned]), np.tile(worth, 2), np.tile(chosen, 2), np.tile(lever, 2))
 
     def __len__(self) -> int:
         return len(self.worth)
@@ -131,12 +133,14 @@ class InterceptSearch:
     ) -> None:
         self.scene, self.limits, self.candidates = scene, limits, candidates
         self.kinematics, self.back_off_m = scene.kinematics, back_off_m
-        self.approach_s, self.horizon_s, self.lift_m = approach_s, horizon_s, lift_m
+        self.horizon_s = horizon_s
+        self.course = Course(scene, back_off_m, approach_s, lift_m)
         self._half = len(candidates) // 2
         self._T_obj_pre = moved_along_tool(candidates.T_obj_tcp, back_off_m)
         self._leads = np.geomspace(0.04 * horizon_s, horizon_s, LEADS_N)
         # A motion with limited jerk takes about so much longer than its lower bound.
-        self._attempt_s = HALF_TURNS_LOST * turning_time(np.pi, limits)
+        attempt_s = HALF_TURNS_LOST * turning_time(np.pi, limits)
+        self._unsure_s = attempt_s * (1 - candidates.worth + LEVER_PER_M * candidates.lever_m)
         self._calm = limits.scaled(1 - RESERVE)
         self._jerk_s = float((limits.acceleration_rad_s2 / limits.jerk_rad_s3).max())
 
@@ -152,7 +156,7 @@ class InterceptSearch:
         reachable = np.isfinite(bound)
         arrival = self._arrivals(bound)
         in_time = np.isfinite(arrival)
-        cost = self._costs(forecast, start_s, arrival, q, self.candidates.worth)
+        cost = self._costs(forecast, start_s, arrival, q, slice(None))
         # Of each grasp and posture the cheapest time; of those the cheapest.
         best_k = cost.argmin(0)
         cheapest = np.take_along_axis(cost, best_k[None], 0)[0]
@@ -161,17 +165,19 @@ class InterceptSearch:
         c, b = np.unravel_index(order, cheapest.shape)
         t = best_k[c, b]
         postures, times = q[t, c, b], start_s + leads[t]
-        free = self._holds(forecast, c, postures, times)
+        free = self.scene.way.free(postures, times) if len(c) else np.zeros(0, bool)
+        T = self.candidates.T_obj_tcp[c[free]]
+        free[free] = self.course.is_free(forecast, T, postures[free], times[free], FEW)
         counts = int(reachable.sum()), int(in_time.sum()), int(free.sum())
         meetings, blocked = [], []
         for i in np.flatnonzero(free):
             if len(meetings) + len(blocked) >= REFINED_N:
                 break
             meeting = self.refined(forecast, start, start_s, int(c[i]), postures[i], float(times[i]))
-            if meeting is None:
-                blocked.append((int(c[i]), postures[i], float(times[i])))
-            else:
+            if meeting is not None:
                 meetings.append(meeting)
+            elif self.can_go_on(forecast, int(c[i]), postures[i], float(times[i])):
+                blocked.append((int(c[i]), postures[i], float(times[i])))
         best = min(meetings, key=lambda meeting: meeting.cost_s, default=None)
         return Found(*counts, best, tuple(blocked))
 
@@ -269,7 +275,7 @@ class InterceptSearch:
     def _free(
         self, forecast: Forecast, candidate: int, q: Array, start_s: float, arrival_s: float, way: Trajectory
     ) -> Meeting | None:
-        if not self.scene.is_free(way, start_s):
+        if not self.can_go_on(forecast, candidate, q, arrival_s) or not self.scene.is_free(way, start_s):
             return None
         return self.meeting(forecast, candidate, q, start_s, arrival_s, way)
 
@@ -278,8 +284,9 @@ class InterceptSearch:
     ) -> Meeting:
         """A way with what it costs."""
         lead = arrival_s - start_s
-        worth = self.candidates.worth[[candidate]]
-        row = self._costs(forecast, start_s, np.full((1, 1, 1), lead), q[None, None, None], worth)
+        row = self._costs(
+            forecast, start_s, np.full((1, 1, 1), lead), q[None, None, None], slice(candidate, candidate + 1)
+        )
         return Meeting(
             candidate, self.candidates.T_obj_tcp[candidate], int(self.candidates.number[candidate]),
             q, start_s, arrival_s, way, float(row[0, 0, 0]),
@@ -296,23 +303,10 @@ class InterceptSearch:
         speed = np.clip((q[1] - q[0]) / 0.1, -top, top)
         return JointState(q[0], speed, np.zeros_like(speed))
 
-    def _holds(self, forecast: Forecast, c: Index, q: Array, times_s: Array) -> NDArray[np.bool_]:
-        """(n,) whether pre-grasp, grasp, grasp a while later, and that one lifted, are free and near to each other."""
-        if not len(c):
-            return np.zeros(0, bool)
-        scene, ok = self.scene, self.scene.way.free(q, times_s)
-        before, later_s = q, self.approach_s + AFTERWARDS_S
-        for after_s, up_m in ((self.approach_s, 0.0), (later_s, 0.0), (later_s, self.lift_m)):
-            times = times_s + after_s
-            T = forecast.poses(times) @ self.candidates.T_obj_tcp[c]
-            T[:, 2, 3] += up_m
-            at = inverse_kinematics(self.kinematics, T, before, _NEAR).q_rad
-            near = np.asarray(np.isfinite(at).all(-1))
-            near[near] = np.abs(at - before)[near].max(-1) < JUMP_RAD
-            ok &= near
-            before = np.where(ok[:, None], at, before)
-            ok &= scene.grasp.free(before, times)
-        return ok
+    def can_go_on(self, forecast: Forecast, candidate: int, q: Array, time_s: float) -> bool:
+        """Whether everything from a posture at the pre-grasp on is free if the hand leaves it at a time."""
+        T = self.candidates.T_obj_tcp[candidate][None]
+        return bool(self.course.is_free(forecast, T, q[None], np.array([time_s]), MANY)[0])
 
     def _arrivals(self, bound: Array) -> Array:
         """(k, m, branches) [s] from the start when the arm would be there, infinite where it could not be in time.
@@ -329,7 +323,7 @@ class InterceptSearch:
         arrival[1:][turns] = early + share * (late - early)
         return arrival
 
-    def _costs(self, forecast: Forecast, start_s: float, arrival: Array, q: Array, worth: Array) -> Array:
+    def _costs(self, forecast: Forecast, start_s: float, arrival: Array, q: Array, chosen: slice) -> Array:
         """(k, m, branches) [s]: the arrival, and what an unsure forecast, grasp or posture adds to it."""
         # What cannot be in time need not be judged.
         finite = np.isfinite(arrival) & np.isfinite(q).all(-1)
@@ -337,7 +331,7 @@ class InterceptSearch:
         ease[finite] = np.minimum(self.kinematics.manipulability(q[finite]) / EASY, 1.0)
         off = NORMAL_95 * forecast.sigma(start_s + arrival) - CLEARANCE_M
         delay = arrival + np.maximum(off, 0.0) / CORRECTION_M_S
-        return delay + self._attempt_s * (1 - worth)[None, :, None] + EASE_S * (1 - ease)
+        return delay + self._unsure_s[chosen][None, :, None] + EASE_S * (1 - ease)
 
     def _turned(self, q: Array, reference: Array) -> Array:
         """The same tool axis with the fingers the other way round: the last joint half a turn on, nearest to now."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tr_grasp.dynamic.approach import Approach, approach_time_s
 from tr_grasp.dynamic.around import way_around
 from tr_grasp.dynamic.attempt import CYCLE_S, Run
+from tr_grasp.dynamic.course import AFTERWARDS_S
 from tr_grasp.dynamic.hopeless import Ending, hopeless
 from tr_grasp.dynamic.intercept import NORMAL_95, Candidates, Found, InterceptSearch, Meeting
 from tr_grasp.dynamic.method import GraspOutcome, Phase
@@ -150,8 +151,11 @@ class MeetingPlanner:
         best = found.best
         if best is None and self._meeting is None and found.blocked and start_s >= self._detour_s:
             best, self._detour_s = self._around(search, found, forecast, start_s), start_s + DETOUR_EVERY_S
+        if best is None and self._meeting is None:
+            run.step_out(start, start_s)
+            return self._no_hope(found, forecast, start_s)
         if best is None:
-            return None if self._meeting is not None else self._no_hope(found, forecast, start_s)
+            return None
         self._hopeless_since_s = None
         now = self._meeting
         if now is not None:
@@ -217,14 +221,20 @@ class MeetingPlanner:
         """At the pre-grasp and from there to the grasp: keep up with the object, hand in its frame."""
         run, meeting, begins = self.run, self._meeting, None
         assert meeting is not None
+        assert self._search is not None
+        start = run.arm.commanded(start_s)
         if self._approach is None and self._is_sure(forecast, start_s):
             begins = self._begins_s(forecast, start_s)
         if begins is not None:
+            if not self._search.can_go_on(forecast, meeting.candidate, start.q, begins):
+                self._drop()
+                return
             self._approach = Approach(begins, self.approach_s)
             run.tell(Phase.APPROACHING)
-        start = run.arm.commanded(start_s)
         path = follow(run.kinematics, run.near_limits, self._tool_poses(forecast, meeting), start, start_s, FOLLOW_S)
-        if path is not None and run.send(path, start_s):
+        done_s = start_s + self.approach_s if self._approach is None else self._approach.ends_s
+        is_clear = path is not None and run.scene.is_free_at_grasp(path, start_s, done_s + AFTERWARDS_S)
+        if path is not None and is_clear and run.send(path, start_s):
             self._stuck_n = 0
             return
         self._stuck_n += 1
@@ -251,7 +261,7 @@ class MeetingPlanner:
         assert approach is not None
         assert self._forecast is not None
         assert self._meeting is not None
-        if run.now_s < approach.begins_s + approach.takes_s:
+        if run.now_s < approach.ends_s:
             return False
         T = self._forecast.poses(np.array([run.now_s]))[0] @ self._meeting.T_obj_tcp
         off_m, off_rad = run.tool_error(T)
@@ -263,7 +273,7 @@ class MeetingPlanner:
 
     def _is_overdue(self, now_s: float) -> bool:
         approach = self._approach
-        return approach is not None and now_s > approach.begins_s + approach.takes_s + ALIGN_LIMIT_S
+        return approach is not None and now_s > approach.ends_s + ALIGN_LIMIT_S
 
     def _drop(self) -> None:
         """Forget what the arm is after; from an approach that was broken off, the hand has to get away first."""
@@ -285,7 +295,7 @@ class MeetingPlanner:
             plan, way = found_way
             arrival_s = start_s + way.duration_s
             goal = search.goal(forecast, candidate, q, arrival_s)
-            if goal is not None:
+            if goal is not None and search.can_go_on(forecast, candidate, goal.q, arrival_s):
                 self._plan = plan
                 return search.meeting(forecast, candidate, goal.q, start_s, arrival_s, way)
         return None
