@@ -21,7 +21,7 @@ Index = NDArray[np.integer]
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 """About the tool's z: the fingers change places."""
 LEADS_N = 12
-SHORTLIST_N, REFINED_N = 32, 4
+SHORTLIST_N, REFINED_N = 128, 4
 RUCKIG_FACTOR, MARGIN_S = 1.15, 0.05
 """A motion with limited jerk takes about so much longer than its lower bound."""
 NORMAL_95 = 1.645
