@@ -21,7 +21,7 @@ Index = NDArray[np.integer]
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 """About the tool's z: the fingers change places."""
 LEADS_N = 12
-SHORTLIST_N, REFINED_N = 32, 4
+SHORTLIST_N, REFINED_N = 128, 4
 MARGIN_S = 0.05
 ROUNDS_N, SETTLED_S, FURTHER = 10, 0.02, 1.5
 """How often an arrival is guessed, how exactly, and how much further than by its delay if it was too soon."""
