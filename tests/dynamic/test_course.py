@@ -84,7 +84,7 @@ def test_what_comes_into_the_way_only_while_the_fingers_close_is_foreseen() -> N
 
 
 def test_a_quick_motion_does_not_pass_through_a_thin_board_unseen() -> None:
-    """At full speed the hand moves by 6 cm in 40 ms; across that way, fingers and board take less with their margins."""
+    """At full speed the hand moves by 6 cm in 40 ms; fingers and board are thinner, margins included."""
     start_q = arm().home_q_rad + np.array([0, 0, 0, 0, 0, np.pi / 2])
     tool = arm().pose(start_q)
     goal_q = start_q + np.array([3.0, 0, 0, 0, 0, 0])
