@@ -38,7 +38,9 @@ class BankCfg:
     line_density: float = 1e-8
     """White acceleration of the line under an oscillation [m²/s³]."""
     oscillator_density: float = 1e-6
-    """White acceleration of the oscillation [m²/s³], beside what frequencies between two oscillators ask for."""
+    """White acceleration of the oscillation, however narrow it is [m²/s³]."""
+    detuning: float = 1.0
+    """Part of the white acceleration that a frequency between two oscillators amounts to; 0 leaves it out."""
     velocity_densities: tuple[float, ...] = (1e-8, 1e-5)
     """White acceleration of the models of constant velocity [m²/s³]; none leaves them out."""
     acceleration_densities: tuple[float, ...] = (1e-6, 1e-4, 1e-2)
@@ -186,7 +188,7 @@ class _Models:
         """
         low, high = self.cfg.range_rad_s
         share = np.log(high / low) / max(1, self.cfg.oscillators_n - 1) / 4
-        return np.where(self.H[:, 2] == 1, 2 * share**2 * self.radians_s**3, 0.0)
+        return np.where(self.H[:, 2] == 1, self.cfg.detuning * 2 * share**2 * self.radians_s**3, 0.0)
 
     @cached_property
     def radians_s(self) -> Array:
@@ -198,7 +200,7 @@ class _Models:
         """Process noise (..., chosen, 4, 4) of the states (chosen, 4, 3): the wider a swing, the more."""
         squares = x[:, 2, :2] ** 2 + (x[:, 3, :2] / self.radians_s[chosen, None]) ** 2
         density = self.density[chosen] + self.detuning[chosen] * squares.mean(-1)
-        Q = Q.copy()
+        Q = Q.copy("K")
         Q[..., 2:, 2:] *= density[:, None, None]
         return Q
 
