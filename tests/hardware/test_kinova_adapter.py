@@ -25,7 +25,7 @@ class Laboratory:
     def __init__(self):
         self.world = SteppedWorld(tick_s=0.01)
         self.server = RosbridgeServer(SPEC.home_q_rad, lambda: self.world.now_s)
-        self.cfg = kinova.KinovaCfg("127.0.0.1", self.server.port, timeout_s=3.0)
+        self.cfg = kinova.KinovaCfg("127.0.0.1", self.server.port, timeout_s=20.0)
         self.bridge = kinova.Rosbridge(self.cfg)
         self.sync = self.bridge._lib.Service(self.bridge.ros, "/sync", "std_srvs/Empty")
         opened = []
