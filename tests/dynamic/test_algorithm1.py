@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from tests.dynamic.stations import arm, line, scene
-from tr_grasp.dynamic.algorithm1 import STEP_OUT_RAD, Algorithm1
+from tr_grasp.dynamic.algorithm1 import Algorithm1
 from tr_grasp.dynamic.attempt import Run
 from tr_grasp.dynamic.settings import GrasperCfg
+from tr_grasp.dynamic.step_out import STEP_OUT_RAD
 from tr_grasp.dynamic.tool_path import entered, moved_along_tool
 from tr_grasp.errors import GraspError
 from tr_grasp.hardware import Follower

@@ -7,6 +7,9 @@ import pytest
 
 from tests.dynamic.stations import arm, at, line, scene
 from tr_grasp.dynamic import DynamicGrasper, DynamicMethod, GrasperCfg, GraspOutcome, Phase
+from tr_grasp.dynamic.attempt import Run
+from tr_grasp.dynamic.hopeless import hopeless
+from tr_grasp.dynamic.intercept import Found
 from tr_grasp.errors import ConfigError, GraspError
 from tr_grasp.hardware import Follower, PoseStreamCfg
 from tr_grasp.motion import box
@@ -150,6 +153,32 @@ def test_algorithm_1_grasps_too_but_later() -> None:
     assert theirs.committed_s is not None
     assert ours.committed_s < theirs.committed_s
     assert ours.loops > theirs.loops
+
+
+def test_a_slow_arm_may_go_forward_from_within_a_tenth_of_a_radian_of_the_pre_grasp() -> None:
+    """At 0.1 rad/s² the last 0.1 rad take 1.4 s, at the rated limits almost nothing."""
+    slow, _ = run(line(), GrasperCfg(limits="thesis", approach_limits="thesis"))
+    quick, _ = run(line(), GrasperCfg(limits="thesis"))
+    assert slow.outcome is quick.outcome is GraspOutcome.LIFTED
+    assert slow.committed_s is not None
+    assert quick.committed_s is not None
+    assert slow.committed_s > quick.committed_s + 1.0
+
+
+def test_ways_to_grasps_that_are_free_are_looked_for_longer_than_grasps() -> None:
+    station, task = scene(line(), path_end_s=8.0)
+    method = Run(station, task, GrasperCfg())
+    station.world.wait(0.5)
+    method.target.look(station.world)
+    forecast = method.target.forecast(station.world.now_s, 20.0)
+    method.scene.expect(forecast)
+
+    def ending(free_n: int, since_s: float):
+        return hopeless(method, Found(9, 5, free_n), forecast, station.world.now_s, since_s, 10.0)
+
+    assert ending(free_n=3, since_s=5.0) is None
+    assert ending(free_n=3, since_s=11.0) == (GraspOutcome.NO_WAY, "every way to a grasp is blocked")
+    assert ending(free_n=0, since_s=5.0)[0] is GraspOutcome.NO_GRASP
 
 
 def test_settings_without_meaning_are_refused() -> None:

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.dynamic.stations import OBJECT, arm, at, line, parts, scene
+from tr_grasp.dynamic.approach import approach_time_s
 from tr_grasp.dynamic.around import way_around
 from tr_grasp.dynamic.intercept import HALF_TURN, Candidates, InterceptSearch
-from tr_grasp.dynamic.reach_time import least_time
+from tr_grasp.dynamic.reach_time import least_time, turning_time
 from tr_grasp.dynamic.scene import Scene, hand_links
 from tr_grasp.dynamic.target import Forecast, Target
 from tr_grasp.dynamic.tool_path import follow, moved_along_tool
@@ -25,6 +26,7 @@ from tr_grasp.robots import robot_spec
 
 RATED = MotionLimits.of(robot_spec("ur5_robotiq_2f85"))
 ONE = MotionLimits([-9.0], [9.0], [1.0], [2.0], [1e4])
+THESIS = MotionLimits.of(robot_spec("ur5_robotiq_2f85"), "thesis")
 numbers = st.floats(-2.0, 2.0)
 
 
@@ -41,6 +43,14 @@ def test_a_trapezoid_worked_by_hand() -> None:
     assert least_time(rest, np.array([2.0]), np.zeros(1), ONE) == pytest.approx(2.5)
     assert least_time(rest, np.array([0.125]), np.zeros(1), ONE) == pytest.approx(0.5)  # never at full speed
     assert np.isinf(least_time(rest, np.array([np.nan]), np.zeros(1), ONE))
+
+
+def test_how_long_half_a_turn_and_the_approach_take_follows_from_the_limits() -> None:
+    """0.06 m are 0.2 rad; half of 2 rad/s² bounds 5.77 · 0.2 rad / t², half of 1 rad/s 1.875 · 0.2 rad / t."""
+    assert turning_time(2.0, ONE) == pytest.approx(2.5)
+    assert approach_time_s(ONE, 0.06) == pytest.approx(np.sqrt(5.7735 * 0.2), rel=1e-4)
+    slow = MotionLimits([-9.0], [9.0], [0.1], [2.0], [1e4])
+    assert approach_time_s(slow, 0.06) == pytest.approx(1.875 * 0.2 / 0.05)
 
 
 @settings(max_examples=40, deadline=None)
@@ -132,6 +142,44 @@ def test_a_meeting_is_at_the_pre_grasp_when_the_object_is_there() -> None:
     assert best.way.duration_s == pytest.approx(best.arrival_s, abs=0.02)
     assert not best.way.violations(RATED)
     assert found_scene.is_free(best.way, 0.0)
+
+
+def rest_of(way, at_s: float) -> JointState:
+    state = way.sample(at_s)
+    return JointState(state.q, state.dq, state.ddq)
+
+
+def test_a_slow_arm_that_aims_again_all_the_time_arrives_when_it_said_at_first() -> None:
+    """On the last reserve of its limits it would overshoot by a hair, and come seconds later."""
+    forecast = straight(start=(0.5, -0.3, resting_height()))
+    search, _ = searcher(forecast, limits=THESIS)
+    first = meeting = search.search(forecast, JointState.at_rest(arm().home_q_rad), 0.0).best
+    assert meeting is not None
+    assert meeting.arrival_s > 3.0
+    for now_s in np.arange(0.175, meeting.arrival_s - 0.3, 0.175):
+        meeting = search.again(forecast, rest_of(meeting.way, now_s - meeting.start_s), now_s, meeting)
+        assert meeting is not None
+        assert not meeting.way.violations(THESIS)
+    assert meeting.arrival_s == pytest.approx(first.arrival_s)
+    assert meeting.start_s + meeting.way.duration_s == pytest.approx(first.arrival_s, abs=0.01)
+
+
+def test_what_can_be_met_much_sooner_is_and_what_moved_on_is_met_there() -> None:
+    said = straight(start=(0.5, -0.3, resting_height()))
+    search, found_scene = searcher(said, limits=THESIS)
+    meeting = search.search(said, JointState.at_rest(arm().home_q_rad), 0.0).best
+    assert meeting is not None
+    start = rest_of(meeting.way, 0.5)
+    sooner = search.again(said, start, 0.5, replace(meeting, arrival_s=meeting.arrival_s + 3.0))
+    assert sooner is not None
+    assert sooner.arrival_s == pytest.approx(meeting.arrival_s, abs=0.3)
+
+    quicker = straight((0.0, 0.032, 0.0), (0.5, -0.3, resting_height()))
+    found_scene.expect(quicker)
+    there = search.again(quicker, start, 0.5, meeting)
+    assert there is not None
+    wanted = moved_along_tool(quicker.poses(np.array([there.arrival_s])) @ there.T_obj_tcp, 0.075)[0]
+    np.testing.assert_allclose(arm().pose(there.way.end.q), wanted, atol=2e-3)
 
 
 def test_an_unsure_forecast_costs_time_and_a_slow_arm_arrives_later() -> None:

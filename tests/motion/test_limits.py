@@ -8,11 +8,12 @@ from tr_grasp.motion import MotionLimits
 from tr_grasp.robots.spec import robot_spec
 
 
-def test_the_thesis_moves_at_a_tenth() -> None:
+def test_the_thesis_moves_as_moveit_timed_it() -> None:
+    """A tenth of the rated speed, a tenth of MoveIt's own 1 rad/s², whatever the arm could do."""
     rated, thesis = (MotionLimits.of(robot_spec("ur5_rg2"), name) for name in ("rated", "thesis"))
     assert thesis.velocity_rad_s == pytest.approx([0.315] * 3 + [0.32] * 3)
-    for field in ("velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3"):
-        assert getattr(thesis, field) == pytest.approx(getattr(rated, field) / 10)
+    assert thesis.acceleration_rad_s2 == pytest.approx([0.1] * 6)
+    assert (thesis.acceleration_rad_s2 / thesis.jerk_rad_s3 < 0.02).all()  # seconds: next to no limit of jerk
     assert np.array_equal(thesis.upper_rad, rated.upper_rad)
 
 

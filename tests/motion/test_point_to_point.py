@@ -29,6 +29,16 @@ def test_a_full_profile_takes_the_time_worked_by_hand() -> None:
     assert timing.trajectory.peaks()["jerk"][0] == pytest.approx(40.0, rel=1e-6)
 
 
+def test_it_takes_as_long_as_asked_but_never_less_than_it_needs() -> None:
+    """The same 2 rad need 2.35 s."""
+    limits = MotionLimits([-9.0], [9.0], [1.0], [4.0], [40.0])
+    for asked_s, taken_s in ((5.0, 5.0), (2.0, 2.35)):
+        timing = point_to_point(JointState.at_rest([0.0]), JointState.at_rest([2.0]), limits, at_least_s=asked_s)
+        assert timing.trajectory is not None
+        assert timing.trajectory.duration_s == pytest.approx(taken_s, abs=1e-6)
+        assert timing.trajectory.end.q == pytest.approx([2.0])
+
+
 @settings(max_examples=50)
 @given(seed=st.integers(0, 10_000))
 def test_it_joins_both_states_within_all_limits(seed: int) -> None:

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from tr_grasp.dynamic.attempt import CYCLE_S, Run
 from tr_grasp.dynamic.intercept import HALF_TURN
 from tr_grasp.dynamic.method import GraspOutcome, Phase
+from tr_grasp.dynamic.step_out import step_out
 from tr_grasp.dynamic.target import Forecast
 from tr_grasp.dynamic.tool_path import BLENDS_S, entered, moved_along_tool
 from tr_grasp.grasps.ranking import rank_grasps
 from tr_grasp.motion import (
     JointState,
-    MotionLimits,
     Outcome,
     Plan,
     Planner,
@@ -45,8 +45,6 @@ ALONG_S, TURN_S = 1.0, 0.3
 JOINED_S = tuple(blend_s for blend_s in BLENDS_S if blend_s < APPROACH_S)
 JUMP_RAD = 2.0
 MOST_N = 10
-STEP_OUT_RAD, STEPS_OUT_N = 0.25, 100
-"""MoveIt's remedy for a start that touches something: the nearest of so many random states around it that does not."""
 PLANNER = PlannerCfg(time_limit_s=0.5)
 PLANNING_AHEAD_S = 0.14
 """Planning is expected to take so long: a plan begins where the one before it will be by then."""
@@ -65,8 +63,6 @@ class Algorithm1:
     def __init__(self, run: Run) -> None:
         self.run, self.cfg = run, run.cfg
         self._planner = Planner(run.scene.way, PLANNER)
-        self._approach_limits = MotionLimits.of(run.task.robot, run.cfg.approach_limits)
-        self._rng = np.random.default_rng(run.task.seed)
         self._plan: Plan | None = None
         self._q_pre: Array | None = None
         self._T_obj_tcp: Array | None = None
@@ -187,13 +183,9 @@ class Algorithm1:
         plan = self._planner.plan(start_q, q, previous=previous, time_s=when_s)
         if plan.outcome is not Outcome.START_IN_COLLISION:
             return plan
-        limits, way = self.run.limits, self.run.scene.way
-        steps = self._rng.uniform(-STEP_OUT_RAD, STEP_OUT_RAD, (STEPS_OUT_N, len(start_q)))
-        around = np.clip(start_q + steps, limits.lower_rad, limits.upper_rad)
-        around = around[way.free(around, np.full(STEPS_OUT_N, when_s))]
-        if not len(around):
+        out = step_out(self.run.scene.way, self.run.limits, start_q, when_s, self.run.rng)
+        if out is None:
             return plan
-        out = around[np.argmin(np.abs(around - start_q).sum(1))]
         plan = self._planner.plan(out, q, previous=previous, time_s=when_s)
         return plan if plan.path is None else replace(plan, path=np.vstack([start_q, plan.path]))
 
@@ -237,7 +229,7 @@ class Algorithm1:
         times_s = np.array([0.0, APPROACH_S - TURN_S, APPROACH_S, APPROACH_S + ALONG_S])
         rows = np.stack([q[0], q[1] - TURN_S * forward, q[1], q[1] + ALONG_S * along])
         line = Trajectory(times_s, rows, np.stack([forward, forward, along, along]))
-        path = entered(line, start, self._approach_limits, JOINED_S)
+        path = entered(line, start, run.near_limits, JOINED_S)
         if path is None or not run.send(path, start_s):
             return False
         self._forecast = forecast

@@ -29,7 +29,9 @@ Array = NDArray[np.floating]
 RESOLUTION_RAD = 0.05
 BACK_M, UP_M = (0.1, 0.2), (0.12, 0.25)
 """How far via-points lie behind the pre-grasp, against the approach, and above it."""
-PLANNER = PlannerCfg(time_limit_s=0.25, shortcuts_n=25)
+PLANNER = PlannerCfg(time_limit_s=5.0, rounds_n=1500, shortcuts_n=25, resolution_rad=0.03)
+"""Some 0.2 s on an idle processor, and as many rounds on a busy one. Finer than motions are checked afterwards, else
+these find contacts at corners that a plan has only grazed."""
 _NEAR = IKCfg(rounds_n=0)
 
 
@@ -54,7 +56,7 @@ def way_around(
         previous: A plan to much the same goal, to begin with.
 
     Returns:
-        Nothing where no way was found in a quarter of a second, or not from that speed.
+        Nothing where no way was found soon, or not from that speed.
     """
     for path in _over_via_points(scene, start.q, q, arrival_s):
         if (way := _timed(scene, limits, path, start, start_s)) is not None:

@@ -15,11 +15,12 @@ from tr_grasp.dynamic.charges import charged
 from tr_grasp.dynamic.method import DynamicTask, GraspOutcome, MethodResult, Phase
 from tr_grasp.dynamic.scene import Scene
 from tr_grasp.dynamic.settings import GrasperCfg
+from tr_grasp.dynamic.step_out import step_out
 from tr_grasp.dynamic.target import Forecast, Target
 from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool, shortest_allowed, smooth
 from tr_grasp.grasps.ranking import NO_AIDS, RankingAids
 from tr_grasp.hardware import Ending, Station
-from tr_grasp.motion import Kinematics, MotionLimits, Trajectory
+from tr_grasp.motion import JointState, Kinematics, MotionLimits, Trajectory, point_to_point
 from tr_grasp.prediction.registry import make_predictor
 from tr_grasp.robots import RobotSpec
 
@@ -32,7 +33,7 @@ LEAD_FACTOR, LEAD_MARGIN_S, FORGETTING = 1.15, 0.01, 0.9
 """A plan begins so much later than thinking is expected to take, by the longest thought lately."""
 EARLY_S = 1e-6
 CLOSING_LIMIT_S = 2.0
-LIFTS_S = (0.7, 1.0, 1.5, 2.5, 4.0, 6.0)
+LIFTS_S = (0.7, 1.0, 1.5, 2.5, 4.0, 6.0, 9.0)
 EMPTY_M = 2e-3
 """Pads that are nearer than this hold nothing."""
 RAISED_SHARE = 0.5
@@ -59,8 +60,10 @@ class Run:
         self.arm, self.world = station.arm, station.world
         self.kinematics = _kinematics(task.robot)
         self.limits = MotionLimits.of(task.robot, cfg.limits)
+        self.near_limits = MotionLimits.of(task.robot, cfg.approach_limits)
         self.target = Target(task.target, make_predictor(cfg.predictor, cfg.motion_class), cfg.look_ahead)
-        self.scene = Scene.of(self.kinematics, task, self.arm.commanded().q)
+        self.scene = Scene.of(self.kinematics, task, self.arm.commanded().q, cfg.limits)
+        self.rng = np.random.default_rng(task.seed)
         self.begun_s = self.world.now_s
         self.thinking_s = self.longest_s = 0.0
         self.attempts = self.loops = self.switches = 0
@@ -137,6 +140,17 @@ class Run:
         command = self.arm.move(trajectory, at_s=at_s)
         return command.result is None or command.result.ending is not Ending.REFUSED
 
+    def step_out(self, start: JointState, start_s: float) -> bool:
+        """Get away from where the arm stands too near to something, and every way is blocked from its beginning.
+
+        False if it stands free, or no way out was found.
+        """
+        if self.scene.way.contact(start.q, start_s) is None:
+            return False
+        out = step_out(self.scene.way, self.limits, start.q, start_s, self.rng)
+        way = None if out is None else point_to_point(start, JointState.at_rest(out), self.limits).trajectory
+        return way is not None and self.send(way, start_s)
+
     def tool_error(self, T_base_tcp: Array) -> tuple[float, float]:
         """How far [m] and how much turned [rad] the tool is from where it should be, as measured."""
         T = self.kinematics.pose(self.arm.state().q_rad)
@@ -147,7 +161,7 @@ class Run:
         """Follow a moving pose from now on."""
         start_s = self.now_s
         start = self.arm.commanded(start_s)
-        path = follow(self.kinematics, self.limits, tool_poses, start, start_s, duration_s, near_q)
+        path = follow(self.kinematics, self.near_limits, tool_poses, start, start_s, duration_s, near_q)
         return path is not None and self.send(path, start_s)
 
     def close(self, forecast: Forecast, T_obj_tcp: Array, goes_along: bool = True) -> bool:
@@ -220,7 +234,7 @@ class Run:
                 return moved_along_tool(forecast.poses(times_s) @ T_obj_tcp, gone_m)
 
             start = self.arm.commanded(start_s)
-            return follow(self.kinematics, self.limits, poses, start, start_s, duration_s)
+            return follow(self.kinematics, self.near_limits, poses, start, start_s, duration_s)
 
         if (path := shortest_allowed(back, LIFTS_S)) is not None:
             self.send(path, start_s)

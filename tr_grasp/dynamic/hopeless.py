@@ -39,8 +39,10 @@ def hopeless(
     if not is_near.any():
         return GraspOutcome.UNREACHABLE, f"it stays further than {REACH_M:g} m from the base"
     comes_later = bool(is_near[ahead > now_s + horizon_s].any())
-    if comes_later and (not found.free_n or since_s < PATIENCE_S):
+    if comes_later and not found.free_n:
         return None  # what comes within reach after the horizon is waited for
+    if found.free_n and since_s < PATIENCE_S:
+        return None
     if not found.reachable_n:
         return GraspOutcome.UNREACHABLE, "no posture of the arm reaches it anywhere on its path"
     if not found.in_time_n:

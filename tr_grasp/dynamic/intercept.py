@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tr_grasp.dynamic.reach_time import least_time
+from tr_grasp.dynamic.course import FEW, JUMP_RAD, MANY, Course
+from tr_grasp.dynamic.reach_time import least_time, turning_time
 from tr_grasp.dynamic.scene import Scene
 from tr_grasp.dynamic.target import Forecast
 from tr_grasp.dynamic.tool_path import moved_along_tool
@@ -20,21 +21,26 @@ Index = NDArray[np.integer]
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 """About the tool's z: the fingers change places."""
 LEADS_N = 12
-SHORTLIST_N, REFINED_N = 32, 4
-RUCKIG_FACTOR, MARGIN_S = 1.15, 0.05
-"""A motion with limited jerk takes about so much longer than its lower bound."""
-AFTERWARDS_S = 1.0
-"""So long after the grasp, its posture must still be there: the arm goes along while the fingers close."""
+SHORTLIST_N, REFINED_N = 128, 4
+MARGIN_S = 0.05
+ROUNDS_N, SETTLED_S, FURTHER = 10, 0.02, 1.5
+"""How often an arrival is guessed, how exactly, and how much further than by its delay if it was too soon."""
+PUNCTUAL_S, ON_COURSE_RAD = 0.002, 0.01
+"""So much later than planned is on time, and so far off is what following corrects."""
+RESERVE, WORTHWHILE = 0.05, 0.1
+"""Share of the limits that is kept for corrections, and of the time ahead that an earlier arrival must gain."""
 NORMAL_95 = 1.645
 CLEARANCE_M = 0.04
 """How far off a forecast may be at the pre-grasp (95 %) without a delay: re-planning corrects it."""
 CORRECTION_M_S = 0.15
 """Speed at which the arm is taken to correct what is further off."""
-ROBUSTNESS_S, EASE_S = 1.0, 1.0
-"""What an unsure grasp, and a nearly singular posture, cost compared to time."""
+EASE_S = 1.0
+"""What a nearly singular posture costs compared to time."""
+HALF_TURNS_LOST = 0.7
+"""A grasp that does not hold costs another attempt: so many half turns of a joint."""
 EASY = 0.03
-JUMP_RAD = 0.9
-"""Largest way of a joint from the pre-grasp to the grasp."""
+LEVER_PER_M = 10.0
+"""Risk that it does not hold, for its distance from the centre of mass: what swings there creeps out of two pads."""
 _NEAR = IKCfg(rounds_n=0)
 
 
@@ -46,18 +52,21 @@ class Candidates:
         T_obj_tcp: (m, 4, 4).
         worth: (m,) in [0, 1].
         number: (m,) which grasp of the set each is.
+        lever_m: (m,) distance of the line along which the fingers close from the object's centre of mass.
     """
 
     T_obj_tcp: Array
     worth: Array
     number: Index
+    lever_m: Array
 
     @classmethod
     def of(cls, grasps: GraspSet, chosen: Index) -> Candidates:
         """Those of the set that an index chooses."""
         T, worth = grasps.grasps.poses()[chosen], grasps.robustness[chosen]
         turned = T @ HALF_TURN
-        return cls(np.concatenate([T, turned]), np.tile(worth, 2), np.tile(chosen, 2))
+        lever = np.linalg.norm(np.cross(T[:, :3, 1], T[:, :3, 3]), axis=1)
+        return cls(np.concatenate([T, turned]), np.tile(worth, 2), np.tile(chosen, 2), np.tile(lever, 2))
 
     def __len__(self) -> int:
         return len(self.worth)
@@ -124,10 +133,16 @@ class InterceptSearch:
     ) -> None:
         self.scene, self.limits, self.candidates = scene, limits, candidates
         self.kinematics, self.back_off_m = scene.kinematics, back_off_m
-        self.approach_s, self.horizon_s, self.lift_m = approach_s, horizon_s, lift_m
+        self.horizon_s = horizon_s
+        self.course = Course(scene, back_off_m, approach_s, lift_m)
         self._half = len(candidates) // 2
         self._T_obj_pre = moved_along_tool(candidates.T_obj_tcp, back_off_m)
         self._leads = np.geomspace(0.04 * horizon_s, horizon_s, LEADS_N)
+        # A motion with limited jerk takes about so much longer than its lower bound.
+        attempt_s = HALF_TURNS_LOST * turning_time(np.pi, limits)
+        self._unsure_s = attempt_s * (1 - candidates.worth + LEVER_PER_M * candidates.lever_m)
+        self._calm = limits.scaled(1 - RESERVE)
+        self._jerk_s = float((limits.acceleration_rad_s2 / limits.jerk_rad_s3).max())
 
     def search(self, forecast: Forecast, start: JointState, start_s: float) -> Found:
         """The best meeting from a state of the arm at a time, over all grasps, times and postures."""
@@ -137,11 +152,11 @@ class InterceptSearch:
         found = inverse_kinematics(self.kinematics, T_pre.reshape(-1, 4, 4), start.q).postures_rad
         q = found.reshape(k, m, -1, start.q.size)
         q = np.concatenate([q, self._turned(q, start.q)], axis=1)  # (k, 2m, branches, dof)
-        bound = least_time(start, q, np.zeros_like(start.q), self.limits)
+        bound = least_time(start, q, np.zeros_like(start.q), self._calm)
         reachable = np.isfinite(bound)
-        in_time = RUCKIG_FACTOR * bound + MARGIN_S <= leads[:, None, None]
-        cost = self._costs(forecast, start_s, leads, q, bound)
-        cost[~in_time] = np.inf
+        arrival = self._arrivals(bound)
+        in_time = np.isfinite(arrival)
+        cost = self._costs(forecast, start_s, arrival, q, slice(None))
         # Of each grasp and posture the cheapest time; of those the cheapest.
         best_k = cost.argmin(0)
         cheapest = np.take_along_axis(cost, best_k[None], 0)[0]
@@ -150,58 +165,128 @@ class InterceptSearch:
         c, b = np.unravel_index(order, cheapest.shape)
         t = best_k[c, b]
         postures, times = q[t, c, b], start_s + leads[t]
-        free = self._holds(forecast, c, postures, times)
+        free = self.scene.way.free(postures, times) if len(c) else np.zeros(0, bool)
+        T = self.candidates.T_obj_tcp[c[free]]
+        free[free] = self.course.is_free(forecast, T, postures[free], times[free], FEW)
         counts = int(reachable.sum()), int(in_time.sum()), int(free.sum())
         meetings, blocked = [], []
         for i in np.flatnonzero(free):
             if len(meetings) + len(blocked) >= REFINED_N:
                 break
             meeting = self.refined(forecast, start, start_s, int(c[i]), postures[i], float(times[i]))
-            if meeting is None:
-                blocked.append((int(c[i]), postures[i], float(times[i])))
-            else:
+            if meeting is not None:
                 meetings.append(meeting)
+            elif self.can_go_on(forecast, int(c[i]), postures[i], float(times[i])):
+                blocked.append((int(c[i]), postures[i], float(times[i])))
         best = min(meetings, key=lambda meeting: meeting.cost_s, default=None)
         return Found(*counts, best, tuple(blocked))
+
+    def again(self, forecast: Forecast, start: JointState, start_s: float, meeting: Meeting) -> Meeting | None:
+        """The direct motion from a later state to what the arm is after: at the same time, or clearly sooner if it can.
+
+        All of the limits are used last: an arm that did so from the start could not brake in time where the object
+        turns out to be a little nearer, and would have to come back.
+        """
+        at = start_s, meeting.candidate, meeting.q, meeting.arrival_s
+        kept = (
+            self._met(forecast, start, *at, self._calm)
+            or self._on_course(forecast, start_s, meeting)
+            or self._met(forecast, start, *at, self.limits)
+        )
+        if kept is not None:
+            gain_s = meeting.arrival_s - self._least_s(start, start_s, kept.q)
+            if gain_s < WORTHWHILE * (meeting.arrival_s - start_s):
+                return kept
+        sooner = self.refined(forecast, start, start_s, meeting.candidate, meeting.q, meeting.arrival_s)
+        found = [one for one in (kept, sooner) if one is not None]
+        return min(found, key=lambda one: one.arrival_s, default=None)
 
     def refined(
         self, forecast: Forecast, start: JointState, start_s: float, candidate: int, q: Array, arrival_s: float
     ) -> Meeting | None:
         """The direct motion that meets a candidate as early as possible, near a posture, or nothing if it is blocked.
 
-        The arrival is the fixed point of "aim at where it will be after the time that getting there takes".
+        It arrives at the first time at which the arm can be where the candidate will be then, with some reserve.
         """
-        way: Trajectory | None = None
-        aim_s = start_s + float(RUCKIG_FACTOR * least_time(start, q, np.zeros_like(q), self.limits))
-        for _ in range(5):
-            goal = self.goal(forecast, candidate, q, aim_s)
-            if goal is None:
+        late_s, in_time_s, aim_s = start_s, np.inf, self._least_s(start, start_s, q)
+        for _ in range(ROUNDS_N):
+            duration_s = self._duration_s(forecast, start, candidate, q, aim_s)
+            if not np.isfinite(duration_s):
                 break
-            timing = point_to_point(start, goal, self.limits)
-            if timing.trajectory is None:
-                return None
-            way, q = timing.trajectory, goal.q
-            if abs(start_s + way.duration_s - aim_s) < 0.01:
+            over_s = start_s + duration_s - aim_s
+            late_s, in_time_s = (aim_s, in_time_s) if over_s > 0 else (late_s, aim_s)
+            if over_s <= 0 and min(-over_s, in_time_s - late_s) < SETTLED_S:
                 break
-            aim_s = start_s + way.duration_s
-        else:
-            way = None
-        if way is None:  # too far now, or no fixed point: be there when the object comes
-            goal = self.goal(forecast, candidate, q, arrival_s)
-            timing = None if goal is None else point_to_point(start, JointState.at_rest(goal.q), self.limits)
-            if goal is None or timing is None or timing.trajectory is None:
-                return None
-            way, q, aim_s = timing.trajectory, goal.q, max(arrival_s, start_s + timing.trajectory.duration_s)
-        if not self.scene.is_free(way, start_s):
+            is_bracketed = np.isfinite(in_time_s)
+            aim_s = (late_s + in_time_s) / 2 if is_bracketed else aim_s + FURTHER * over_s + SETTLED_S
+        if np.isfinite(in_time_s):
+            met = self._met(forecast, start, start_s, candidate, q, in_time_s, self._calm)
+            if met is not None:
+                return met
+        # Too far now, or never in time: be there at rest when the object comes.
+        goal = self.goal(forecast, candidate, q, arrival_s)
+        timing = None if goal is None else point_to_point(start, JointState.at_rest(goal.q), self.limits)
+        if goal is None or timing is None or timing.trajectory is None:
             return None
-        return self.meeting(forecast, candidate, q, start_s, aim_s, way)
+        way = timing.trajectory
+        return self._free(forecast, candidate, goal.q, start_s, max(arrival_s, start_s + way.duration_s), way)
+
+    def _least_s(self, start: JointState, start_s: float, q: Array) -> float:
+        """When the arm can be at joints at the earliest, or little later."""
+        return start_s + self._jerk_s + float(least_time(start, q, np.zeros_like(q), self._calm))
+
+    def _duration_s(self, forecast: Forecast, start: JointState, candidate: int, q: Array, aim_s: float) -> float:
+        """How long the arm needs to where a candidate will be at a time; infinite if it cannot get there."""
+        goal = self.goal(forecast, candidate, q, aim_s)
+        way = None if goal is None else point_to_point(start, goal, self._calm).trajectory
+        return np.inf if way is None else way.duration_s
+
+    def _on_course(self, forecast: Forecast, start_s: float, meeting: Meeting) -> Meeting | None:
+        """The rest of the way that the arm is on, if it still leads to where the candidate will be."""
+        gone_s = start_s - meeting.start_s
+        goal = self.goal(forecast, meeting.candidate, meeting.q, meeting.arrival_s)
+        if goal is None or not 0 <= gone_s < meeting.way.duration_s:
+            return None
+        if np.abs(goal.q - meeting.way.end.q).max() > ON_COURSE_RAD:
+            return None
+        rest = meeting.way.cut(gone_s)
+        return self._free(forecast, meeting.candidate, meeting.q, start_s, meeting.arrival_s, rest)
+
+    def _met(
+        self,
+        forecast: Forecast,
+        start: JointState,
+        start_s: float,
+        candidate: int,
+        q: Array,
+        arrival_s: float,
+        limits: MotionLimits,
+    ) -> Meeting | None:
+        """The direct motion that is at a candidate at a time, moving along with it; nothing if late or blocked."""
+        goal = self.goal(forecast, candidate, q, arrival_s)
+        if goal is None:
+            return None
+        lead_s = arrival_s - start_s
+        way = point_to_point(start, goal, limits, at_least_s=lead_s).trajectory
+        if way is None or way.duration_s > lead_s + PUNCTUAL_S:
+            return None
+        return self._free(forecast, candidate, goal.q, start_s, arrival_s, way)
+
+    def _free(
+        self, forecast: Forecast, candidate: int, q: Array, start_s: float, arrival_s: float, way: Trajectory
+    ) -> Meeting | None:
+        if not self.can_go_on(forecast, candidate, q, arrival_s) or not self.scene.is_free(way, start_s):
+            return None
+        return self.meeting(forecast, candidate, q, start_s, arrival_s, way)
 
     def meeting(
         self, forecast: Forecast, candidate: int, q: Array, start_s: float, arrival_s: float, way: Trajectory
     ) -> Meeting:
         """A way with what it costs."""
         lead = arrival_s - start_s
-        row = self._costs(forecast, start_s, np.array([lead]), q[None, None, None], None, [candidate])
+        row = self._costs(
+            forecast, start_s, np.full((1, 1, 1), lead), q[None, None, None], slice(candidate, candidate + 1)
+        )
         return Meeting(
             candidate, self.candidates.T_obj_tcp[candidate], int(self.candidates.number[candidate]),
             q, start_s, arrival_s, way, float(row[0, 0, 0]),
@@ -218,43 +303,35 @@ class InterceptSearch:
         speed = np.clip((q[1] - q[0]) / 0.1, -top, top)
         return JointState(q[0], speed, np.zeros_like(speed))
 
-    def _holds(self, forecast: Forecast, c: Index, q: Array, times_s: Array) -> NDArray[np.bool_]:
-        """(n,) whether pre-grasp, grasp, grasp a while later, and that one lifted, are free and near to each other."""
-        if not len(c):
-            return np.zeros(0, bool)
-        scene, ok = self.scene, self.scene.way.free(q, times_s)
-        before, later_s = q, self.approach_s + AFTERWARDS_S
-        for after_s, up_m in ((self.approach_s, 0.0), (later_s, 0.0), (later_s, self.lift_m)):
-            times = times_s + after_s
-            T = forecast.poses(times) @ self.candidates.T_obj_tcp[c]
-            T[:, 2, 3] += up_m
-            at = inverse_kinematics(self.kinematics, T, before, _NEAR).q_rad
-            near = np.asarray(np.isfinite(at).all(-1))
-            near[near] = np.abs(at - before)[near].max(-1) < JUMP_RAD
-            ok &= near
-            before = np.where(ok[:, None], at, before)
-            ok &= scene.grasp.free(before, times)
-        return ok
+    def can_go_on(self, forecast: Forecast, candidate: int, q: Array, time_s: float) -> bool:
+        """Whether everything from a posture at the pre-grasp on is free if the hand leaves it at a time."""
+        T = self.candidates.T_obj_tcp[candidate][None]
+        return bool(self.course.is_free(forecast, T, q[None], np.array([time_s]), MANY)[0])
 
-    def _costs(
-        self,
-        forecast: Forecast,
-        start_s: float,
-        leads: Array,
-        q: Array,
-        bound: Array | None,
-        candidates: list[int] | None = None,
-    ) -> Array:
+    def _arrivals(self, bound: Array) -> Array:
+        """(k, m, branches) [s] from the start when the arm would be there, infinite where it could not be in time.
+
+        Between a time at which it would be late and the next one, at which it would not, it is just in time.
+        """
+        leads = self._leads[:, None, None]
+        spare = leads - (bound + self._jerk_s + MARGIN_S)
+        arrival = np.where(spare >= 0, leads, np.inf)
+        arrival[0] -= np.maximum(spare[0], 0.0)
+        turns = np.isfinite(spare[:-1]) & (spare[:-1] < 0) & (spare[1:] >= 0)
+        share = spare[:-1][turns] / (spare[:-1][turns] - spare[1:][turns])
+        early, late = (np.broadcast_to(x, turns.shape)[turns] for x in (leads[:-1], leads[1:]))
+        arrival[1:][turns] = early + share * (late - early)
+        return arrival
+
+    def _costs(self, forecast: Forecast, start_s: float, arrival: Array, q: Array, chosen: slice) -> Array:
         """(k, m, branches) [s]: the arrival, and what an unsure forecast, grasp or posture adds to it."""
-        finite = np.isfinite(q).all(-1)
+        # What cannot be in time need not be judged.
+        finite = np.isfinite(arrival) & np.isfinite(q).all(-1)
         ease = np.zeros(finite.shape)
-        if bound is not None:  # what cannot be in time need not be judged
-            finite &= RUCKIG_FACTOR * bound + MARGIN_S <= leads[:, None, None]
         ease[finite] = np.minimum(self.kinematics.manipulability(q[finite]) / EASY, 1.0)
-        worth = self.candidates.worth if candidates is None else self.candidates.worth[candidates]
-        off = NORMAL_95 * forecast.sigma(start_s + leads) - CLEARANCE_M
-        delay = leads + np.maximum(off, 0.0) / CORRECTION_M_S
-        return delay[:, None, None] + ROBUSTNESS_S * (1 - worth)[None, :, None] + EASE_S * (1 - ease)
+        off = NORMAL_95 * forecast.sigma(start_s + arrival) - CLEARANCE_M
+        delay = arrival + np.maximum(off, 0.0) / CORRECTION_M_S
+        return delay + self._unsure_s[chosen][None, :, None] + EASE_S * (1 - ease)
 
     def _turned(self, q: Array, reference: Array) -> Array:
         """The same tool axis with the fingers the other way round: the last joint half a turn on, nearest to now."""

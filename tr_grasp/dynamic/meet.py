@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tr_grasp.dynamic.approach import Approach
+from tr_grasp.dynamic.approach import Approach, approach_time_s
 from tr_grasp.dynamic.around import way_around
 from tr_grasp.dynamic.attempt import CYCLE_S, Run
+from tr_grasp.dynamic.course import AFTERWARDS_S
 from tr_grasp.dynamic.hopeless import Ending, hopeless
 from tr_grasp.dynamic.intercept import NORMAL_95, Candidates, Found, InterceptSearch, Meeting
 from tr_grasp.dynamic.method import GraspOutcome, Phase
+from tr_grasp.dynamic.reach_time import turning_time
 from tr_grasp.dynamic.target import Forecast
 from tr_grasp.dynamic.tool_path import ToolPoses, follow, moved_along_tool
 from tr_grasp.grasps.ranking import rank_grasps
@@ -18,14 +20,15 @@ from tr_grasp.motion import Plan
 
 Array = NDArray[np.floating]
 
-APPROACH_S = {"rated": 0.6, "thesis": 1.6}
-SLOWNESS = {"rated": 1.0, "thesis": 2.0}
-"""By how much further ahead a slow arm has to look."""
+HALF_TURNS_AHEAD = 2.0
+"""An arm that needs long for half a turn of its joints looks further ahead."""
 SEARCH_EVERY_S, RETRY_SEARCH_S, DETOUR_EVERY_S = 0.4, 0.12, 0.5
 """Time between two searches while the arm is after something, and while it is not; and between two for detours."""
 RETREAT_M = 0.09
-SETTLED_S = 0.12
-"""So shortly before the arrival, the arm begins to follow instead of aiming again."""
+SETTLED_S, JOINTS_WITHIN_RAD = 0.12, 0.1
+"""So shortly before the arrival, or so near in every joint, the arm begins to follow instead of aiming again."""
+AT_PRE_M = 0.01
+"""So near to the pre-grasp the hand goes forward."""
 DETOURS_N = 2
 FOLLOW_S = 1.6
 SURE_M, SURE_WITHIN_S = 0.012, 2.0
@@ -50,8 +53,9 @@ class MeetingPlanner:
 
     def __init__(self, run: Run) -> None:
         self.run, self.cfg = run, run.cfg
-        self.approach_s = APPROACH_S[run.cfg.limits]
-        self.horizon_s = run.cfg.horizon_s * SLOWNESS[run.cfg.limits]
+        self.approach_s = approach_time_s(run.near_limits, run.cfg.back_off_m)
+        half_turn_s = turning_time(np.pi, run.limits)
+        self.horizon_s = max(run.cfg.horizon_s, HALF_TURNS_AHEAD * half_turn_s)
         self._search: InterceptSearch | None = None
         self._leaps_n = 0
         self._is_too_near = False
@@ -126,7 +130,7 @@ class MeetingPlanner:
         if run.target.leaps_n != self._leaps_n:
             self._leaps_n = run.target.leaps_n
             self._drop()
-        if self._approach is not None or (self._meeting and self._meeting.arrival_s - start_s < SETTLED_S):
+        if self._approach is not None or self._is_there(forecast, start_s):
             self._follow(forecast, start_s)
             return None
         if self._meeting is not None:
@@ -147,8 +151,11 @@ class MeetingPlanner:
         best = found.best
         if best is None and self._meeting is None and found.blocked and start_s >= self._detour_s:
             best, self._detour_s = self._around(search, found, forecast, start_s), start_s + DETOUR_EVERY_S
+        if best is None and self._meeting is None:
+            run.step_out(start, start_s)
+            return self._no_hope(found, forecast, start_s)
         if best is None:
-            return None if self._meeting is not None else self._no_hope(found, forecast, start_s)
+            return None
         self._hopeless_since_s = None
         now = self._meeting
         if now is not None:
@@ -168,7 +175,7 @@ class MeetingPlanner:
         start = run.arm.commanded(start_s)
         if not self.cfg.seeding and meeting.arrival_s - start_s > 1.0:
             return
-        again = self._search.refined(forecast, start, start_s, meeting.candidate, meeting.q, meeting.arrival_s)
+        again = self._search.again(forecast, start, start_s, meeting)
         if again is not None and self._plan is not None and again.arrival_s > meeting.arrival_s + 0.1:
             again = None  # the way around is quicker than going straight from here
         if again is not None and run.send(again.way, start_s):
@@ -183,17 +190,51 @@ class MeetingPlanner:
         if goal is None or blocked or (self._plan is None and self._stuck_n > STUCK_N):
             self._drop()
 
+    def _is_there(self, forecast: Forecast, start_s: float) -> bool:
+        """The arm is about to arrive at the pre-grasp; or so near that Algorithm 1 would begin its approach.
+
+        The latter counts where the arm may do more near the object than on its ways.
+        """
+        meeting = self._meeting
+        if meeting is None:
+            return False
+        if meeting.arrival_s - start_s < SETTLED_S:
+            return True
+        if self.cfg.limits == self.cfg.approach_limits:
+            return False
+        assert self._search is not None
+        goal = self._search.goal(forecast, meeting.candidate, meeting.q, start_s)
+        q = self.run.arm.commanded(start_s).q
+        return goal is not None and bool(np.abs(goal.q - q).max() < JOINTS_WITHIN_RAD)
+
+    def _begins_s(self, forecast: Forecast, start_s: float) -> float | None:
+        """When the hand may go forward: at the planned arrival, or now if it is there; nothing if it is not near."""
+        meeting = self._meeting
+        assert meeting is not None
+        if meeting.arrival_s - start_s < SETTLED_S:
+            return max(start_s, meeting.arrival_s)
+        T_pre = self._tool_poses(forecast, meeting)(np.array([start_s]))[0]
+        T = self.run.kinematics.pose(self.run.arm.commanded(start_s).q)
+        return start_s if np.linalg.norm(T[:3, 3] - T_pre[:3, 3]) < AT_PRE_M else None
+
     def _follow(self, forecast: Forecast, start_s: float) -> None:
         """At the pre-grasp and from there to the grasp: keep up with the object, hand in its frame."""
-        run, meeting = self.run, self._meeting
+        run, meeting, begins = self.run, self._meeting, None
         assert meeting is not None
+        assert self._search is not None
+        start = run.arm.commanded(start_s)
         if self._approach is None and self._is_sure(forecast, start_s):
-            begins = max(start_s, meeting.arrival_s)
+            begins = self._begins_s(forecast, start_s)
+        if begins is not None:
+            if not self._search.can_go_on(forecast, meeting.candidate, start.q, begins):
+                self._drop()
+                return
             self._approach = Approach(begins, self.approach_s)
             run.tell(Phase.APPROACHING)
-        start = run.arm.commanded(start_s)
-        path = follow(run.kinematics, run.limits, self._tool_poses(forecast, meeting), start, start_s, FOLLOW_S)
-        if path is not None and run.send(path, start_s):
+        path = follow(run.kinematics, run.near_limits, self._tool_poses(forecast, meeting), start, start_s, FOLLOW_S)
+        done_s = start_s + self.approach_s if self._approach is None else self._approach.ends_s
+        is_clear = path is not None and run.scene.is_free_at_grasp(path, start_s, done_s + AFTERWARDS_S)
+        if path is not None and is_clear and run.send(path, start_s):
             self._stuck_n = 0
             return
         self._stuck_n += 1
@@ -220,7 +261,7 @@ class MeetingPlanner:
         assert approach is not None
         assert self._forecast is not None
         assert self._meeting is not None
-        if run.now_s < approach.begins_s + approach.takes_s:
+        if run.now_s < approach.ends_s:
             return False
         T = self._forecast.poses(np.array([run.now_s]))[0] @ self._meeting.T_obj_tcp
         off_m, off_rad = run.tool_error(T)
@@ -232,7 +273,7 @@ class MeetingPlanner:
 
     def _is_overdue(self, now_s: float) -> bool:
         approach = self._approach
-        return approach is not None and now_s > approach.begins_s + approach.takes_s + ALIGN_LIMIT_S
+        return approach is not None and now_s > approach.ends_s + ALIGN_LIMIT_S
 
     def _drop(self) -> None:
         """Forget what the arm is after; from an approach that was broken off, the hand has to get away first."""
@@ -254,7 +295,7 @@ class MeetingPlanner:
             plan, way = found_way
             arrival_s = start_s + way.duration_s
             goal = search.goal(forecast, candidate, q, arrival_s)
-            if goal is not None:
+            if goal is not None and search.can_go_on(forecast, candidate, goal.q, arrival_s):
                 self._plan = plan
                 return search.meeting(forecast, candidate, goal.q, start_s, arrival_s, way)
         return None

@@ -37,3 +37,9 @@ def least_time(start: JointState, q: Array, dq: Array, limits: MotionLimits) -> 
     covered = (2 * peak**2 - u0**2 - u1**2) / (2 * a)
     cruise = np.maximum(way - covered, 0.0) / top
     return np.nan_to_num((ramps + cruise).max(-1), nan=np.inf)
+
+
+def turning_time(angle_rad: float, limits: MotionLimits) -> float:
+    """Time that every joint needs to turn by an angle from rest to rest [s]."""
+    still = np.zeros(limits.dof)
+    return float(least_time(JointState.at_rest(still), np.full(limits.dof, angle_rad), still, limits))

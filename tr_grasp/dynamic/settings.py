@@ -41,11 +41,13 @@ class GrasperCfg:
     never failed."""
 
     limits: LimitsName = "rated"
-    """Of the arm: as rated, or a tenth of it as in the thesis."""
+    """Of the arm on its ways: as rated, or as the thesis' MoveIt timed its plans, a tenth of the rated speed and
+    0.1 rad/s²."""
 
     approach_limits: LimitsName = "rated"
-    """Of the arm in the approach of ``thesis``: in its simulation the drives jump onto the first waypoint, ``rated`` is
-    as fast as an arm can follow."""
+    """Of the arm near the object: from the pre-grasp on until the fingers are closed, and when the hand draws back. The
+    thesis does not limit its approach, its drives even jump onto the first waypoint; ``rated`` is as fast as an arm can
+    follow."""
 
     seeding: bool = True
     """Plans begin with what is left of the one before, from the speed that the arm has."""
@@ -63,7 +65,7 @@ class GrasperCfg:
     """Distance of the pre-grasp from the grasp, against the approach direction."""
 
     horizon_s: float = 10.0
-    """How far ahead ``intercept`` looks for a meeting, under rated limits; twice as far under those of the thesis."""
+    """How far ahead ``intercept`` looks for a meeting, but at least twice as far as half a turn of a joint takes."""
 
     close_within_m: float = 0.005
     """``intercept`` closes the fingers only when the hand is this near to the grasp."""

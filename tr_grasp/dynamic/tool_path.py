@@ -55,7 +55,7 @@ def follow(
     path = Trajectory(tau, q, np.gradient(q, tau, axis=0, edge_order=2))
     off, off_speed = start.q - q[0], start.dq - path.dq_rad_s[0]
     on_track = np.abs(off).max() < SMALLEST_RAD and np.abs(off_speed).max() < SMALLEST_RAD_S
-    return entered(path, start, limits, BLENDS_S[1:2] if on_track else blends_s)
+    return entered(path, start, limits, BLENDS_S[1:] if on_track else blends_s)
 
 
 def entered(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,8 +13,10 @@ from tr_grasp.motion.arguments import Array, Flags, joint_vector, one_of, positi
 from tr_grasp.robots.spec import RobotSpec
 
 LimitsName = Literal["thesis", "rated"]
-SHARE: dict[str, float] = {"thesis": 0.1, "rated": 1.0}
-"""Part of the rated speed, acceleration and jerk; the thesis' MoveIt scaled all motion to a tenth."""
+MOVEIT_SCALING = 0.1
+"""Part of speed and acceleration at which the thesis' MoveIt timed all that it planned."""
+MOVEIT_ACCELERATION_RAD_S2 = 1.0
+"""MoveIt's own, before scaling, where a robot's configuration names none; that of the thesis' arms did not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,19 +53,25 @@ class MotionLimits:
 
     @classmethod
     def of(cls, spec: RobotSpec, name: LimitsName = "rated") -> MotionLimits:
-        """Limits of a robot: ``rated``, or ``thesis`` for a tenth of the rated speed, acceleration and jerk.
+        """Limits of a robot: ``rated``, or those of the thesis' MoveIt: a tenth of the rated speed, and 0.1 rad/s².
+
+        MoveIt's timing has no limit of jerk. A tenth of the rated one comes next to that: such an acceleration is there
+        within a hundredth of a second.
 
         Raises:
             MotionError: No such name.
         """
-        share = SHARE[one_of("limits", name, SHARE)]
-        return cls(
+        rated = cls(
             spec.lower_rad,
             spec.upper_rad,
-            share * spec.velocity_limit_rad_s,
-            share * spec.acceleration_limit_rad_s2,
-            share * spec.jerk_limit_rad_s3,
+            spec.velocity_limit_rad_s,
+            spec.acceleration_limit_rad_s2,
+            spec.jerk_limit_rad_s3,
         )
+        if one_of("limits", name, get_args(LimitsName)) == "rated":
+            return rated
+        acceleration = np.minimum(rated.acceleration_rad_s2, MOVEIT_ACCELERATION_RAD_S2)
+        return replace(rated, acceleration_rad_s2=acceleration).scaled(MOVEIT_SCALING)
 
     @property
     def dof(self) -> int:

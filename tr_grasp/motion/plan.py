@@ -25,7 +25,7 @@ class PlannerCfg:
     """
 
     time_limit_s: float = 1.0
-    """Give up after this time."""
+    """Give up after so much time of the processor: a crowded machine plans no worse, only later."""
 
     rounds_n: int | None = None
     """Give up each search after this many rounds too, about 0.13 ms each: what is found no longer depends on the

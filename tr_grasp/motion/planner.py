@@ -74,7 +74,7 @@ class Planner:
         """
         one_of("mode", mode, MODES)
         begun = time.perf_counter()
-        attempt = _Attempt(self.model, self.cfg, begun, cancel, time_s)
+        attempt = _Attempt(self.model, self.cfg, cancel, time_s)
         start = joint_vector("start_q", start_q, self.model.kinematics.dof)
         goal_q, T_goal = self._goal(goal)
         plan = attempt.run(start, goal_q, T_goal, mode, previous)
@@ -93,11 +93,9 @@ class Planner:
 class _Attempt:
     """One call of :meth:`Planner.plan`."""
 
-    def __init__(
-        self, model: CollisionModel, cfg: PlannerCfg, begun: float, cancel: Cancel | None, time_s: float
-    ) -> None:
+    def __init__(self, model: CollisionModel, cfg: PlannerCfg, cancel: Cancel | None, time_s: float) -> None:
         self.model, self.cfg, self.cancel, self.time_s = model, cfg, cancel, time_s
-        self.until = begun + cfg.time_limit_s
+        self.until = time.thread_time() + cfg.time_limit_s
         self.rng = np.random.default_rng(cfg.seed)
 
     def run(self, start: Array, goal_q: Array | None, T_goal: Array | None, mode: Mode, previous: Plan | None) -> Plan:
@@ -161,17 +159,17 @@ class _Attempt:
 
         ``share`` is the part of the time left that they may take.
         """
-        until = time.perf_counter() + share * self._left()
+        until = time.thread_time() + share * self._left()
         for i, fineness in enumerate(FINENESS):
             finer = replace(cfg, resolution_rad=cfg.resolution_rad / fineness, seed=cfg.seed + i)
-            path = self._around(start, goals, until - time.perf_counter(), finer)
+            path = self._around(start, goals, until - time.thread_time(), finer)
             if path is None:
                 yield Plan(Outcome.TIMED_OUT, detail=self._budget)
                 return
             yield self._shortened(path, "rrt_connect", self.cfg.shortcuts_n)
 
     def _around(self, start: Array, goals: Array, seconds: float, cfg: PlannerCfg) -> Array | None:
-        until = min(self.until, time.perf_counter() + seconds)
+        until = min(self.until, time.thread_time() + seconds)
         return rrt_connect(self.model, start, goals, cfg, until=until, cancel=self.cancel, time_s=self.time_s)
 
     def _shortened(self, path: Array, how: How, attempts_n: int) -> Plan:
@@ -242,4 +240,4 @@ class _Attempt:
         return self.cancel is not None and bool(self.cancel())
 
     def _left(self) -> float:
-        return max(0.0, self.until - time.perf_counter())
+        return max(0.0, self.until - time.thread_time())

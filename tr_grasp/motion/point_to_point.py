@@ -17,13 +17,14 @@ SHIFT_SHARE = 1e-3
 """Part of an acceleration limit by which merging switches of jerk may exceed it."""
 
 
-def point_to_point(start: JointState, goal: JointState, limits: MotionLimits) -> Timing:
+def point_to_point(start: JointState, goal: JointState, limits: MotionLimits, *, at_least_s: float = 0.0) -> Timing:
     """The fastest jerk-limited motion between two states; nothing is checked for collisions.
 
     Args:
         start: Position, speed and acceleration now; above the limits, the arm first brakes.
         goal: Position and speed to arrive with, for example those of a moving object; acceleration is zero.
         limits: Of the joints.
+        at_least_s: So long it takes at least: to arrive at a certain time, if that is not too soon.
 
     Returns:
         ``GOAL_OUTSIDE_LIMITS``, ``INFEASIBLE_SPEED`` or ``PATH_OUTSIDE_LIMITS`` (it overshoots to turn) without one.
@@ -44,6 +45,8 @@ def point_to_point(start: JointState, goal: JointState, limits: MotionLimits) ->
     kept = np.where(shift > SHIFT_SHARE * limits.acceleration_rad_s2, shift, 0.0)
     request.max_acceleration = (limits.acceleration_rad_s2 - kept).tolist()
     request.current_position, request.current_velocity, request.current_acceleration = (x.tolist() for x in states)
+    if at_least_s > SHORTEST_S:
+        request.minimum_duration = at_least_s
     request.target_position, request.target_velocity = (x.tolist() for x in aims)
     # Ruckig Community sends intermediate waypoints to a web service; this package plans between waypoints itself.
     assert not request.intermediate_positions

@@ -37,7 +37,7 @@ def rrt_connect(
         start: Free, and within the joint limits.
         goals: Likewise.
         cfg: Settings.
-        until: When to give up, on the clock of ``time.perf_counter``.
+        until: When to give up, on the clock of ``time.thread_time``.
         cancel: Asked again and again; true gives up.
         time_s: Time of the world at which obstacles are taken to stand.
 
@@ -68,7 +68,7 @@ def rrt_connect(
 
     def over() -> bool:
         spent = cfg.rounds_n is not None and next(rounds) > cfg.rounds_n
-        return spent or time.perf_counter() > until or (cancel is not None and cancel())
+        return spent or time.thread_time() > until or (cancel is not None and cancel())
 
     if not planner.solve(ob.PlannerTerminationCondition(over)) or not problem.hasExactSolution():
         return None
