@@ -25,7 +25,7 @@ class Laboratory:
     def __init__(self):
         self.world = SteppedWorld(tick_s=0.01)
         self.server = RosbridgeServer(SPEC.home_q_rad, lambda: self.world.now_s)
-        self.cfg = kinova.KinovaCfg("127.0.0.1", self.server.port, timeout_s=3.0)
+        self.cfg = kinova.KinovaCfg("127.0.0.1", self.server.port, timeout_s=20.0)
         self.bridge = kinova.Rosbridge(self.cfg)
         self.sync = self.bridge._lib.Service(self.bridge.ros, "/sync", "std_srvs/Empty")
         opened = []
@@ -74,6 +74,24 @@ class TestKinova(BackendContract):
     @pytest.fixture
     def station(self, lab):
         return lab.station
+
+
+def wait_for(condition):
+    """The network is real: give it two seconds to do what is due."""
+    for _ in range(200):
+        if condition():
+            break
+        threading.Event().wait(0.01)
+
+
+def calls_due():
+    """Connections that Twisted's thread is to try again later."""
+    from twisted.internet import reactor, threads
+
+    def due():
+        return [call for call in reactor.getDelayedCalls() if call.func.__name__ == "reconnector"]
+
+    return threads.blockingCallFromThread(reactor, due)
 
 
 def underway(lab):
@@ -139,10 +157,7 @@ def test_a_driver_that_falls_silent_stops_the_arm_and_empties_its_buffer(lab):
 def test_a_bridge_that_hangs_up_ends_the_motion_and_the_arm_stops_by_itself(lab):
     command = underway(lab)
     lab.server.disconnect()
-    for _ in range(200):  # the network is real
-        if not lab.bridge.ros.is_connected:
-            break
-        threading.Event().wait(0.01)
+    wait_for(lambda: not lab.bridge.ros.is_connected)
     lab.world.wait(0.1)
     assert command.result.ending is Ending.FAULT
     assert "is not connected" in command.result.reason
@@ -171,9 +186,23 @@ def test_an_object_between_the_fingers_is_held(lab):
     assert (link.turns(SPEC.gripper.opening_range_m[0]), link.turns(1.0)) == (6800.0, 0.0)
 
 
-def test_nobody_at_the_address_is_one_sentence():
+def test_nobody_at_the_address_is_one_sentence_and_nobody_is_called_again():
     with pytest.raises(HardwareError, match=r"no rosbridge answers at 127\.0\.0\.1:1:"):
         kinova.Rosbridge(kinova.KinovaCfg("127.0.0.1", 1, timeout_s=0.2))
+    wait_for(lambda: not calls_due())
+    assert not calls_due()
+
+
+def test_a_lost_bridge_is_called_again_until_it_is_closed():
+    server = RosbridgeServer(SPEC.home_q_rad, lambda: 0.0)
+    bridge = kinova.Rosbridge(kinova.KinovaCfg("127.0.0.1", server.port))
+    wait_for(lambda: server.clients)
+    server.close()
+    wait_for(calls_due)
+    assert len(calls_due()) == 1
+    bridge.close()
+    wait_for(lambda: not calls_due())
+    assert not calls_due()
 
 
 def test_a_bridge_without_a_driver_is_told_from_a_missing_bridge():

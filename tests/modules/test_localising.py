@@ -11,7 +11,7 @@ from tr_grasp.errors import ConfigError
 from tr_grasp.modules import load_agent
 from tr_grasp.modules.encoders import LocalisingOCNN
 from tr_grasp.modules.encoders.readout import MOMENT_SCALE, SpatialReadout
-from tr_grasp.modules.encoders.tool_frame import shut_features, tool_pose
+from tr_grasp.modules.encoders.tool_frame import tool_pose
 from tr_grasp.octree import Octree
 
 COORDINATES = ("absolute_coordinates", "tcp_coordinates", "tool_coordinates")
@@ -98,7 +98,7 @@ def test_moments_are_central_or_about_the_origin() -> None:
 def test_the_shipped_policy_fits_the_network() -> None:
     agent, cfg = load_agent("panda")
     assert cfg.network.encoder == "localising_ocnn"
-    fresh = LocalisingOCNN(agent.env_spec.octree, cfg.network.features_n, fine_opening=cfg.network.fine_opening)
+    fresh = LocalisingOCNN(agent.env_spec.octree, cfg.network.features_n)
     fresh.load_state_dict(agent.encoder.module.encoder.encoders[0].state_dict())
 
 
@@ -107,28 +107,5 @@ def test_without_attention_the_largest_of_every_channel_is_read() -> None:
     blocks, _ = blocks_read(encoder, tools(2))
     level = Octree(random_frames(2), SPEC.depth).level(3)
     largest = torch.stack([blocks[level.samples == sample].amax(0) for sample in range(2)])
-    known = [tool_pose(tools(2), SPEC).features, shut_features(tools(2))]
-    expected = encoder.head(torch.cat([largest, *known], dim=1))
+    expected = encoder.head(torch.cat([largest, tool_pose(tools(2), SPEC).features], dim=1))
     torch.testing.assert_close(encoder(random_frames(2), tools(2)), expected)
-
-
-def test_nearly_shut_fingers_are_told_from_shut_ones() -> None:
-    proprio = tools(4)
-    proprio[:, 0] = torch.tensor([-1.0, -0.95, -0.8, 1.0])  # 0, 2, 8 and 80 mm of 80
-    e = math.e
-    expected = torch.tensor([[1, 1], [1 / e, e**-0.25], [e**-4, 1 / e], [e**-40, e**-10]])
-    torch.testing.assert_close(shut_features(proprio), expected, atol=1e-6, rtol=1e-5)
-
-
-def test_the_fine_opening_reaches_the_features_and_can_be_left_out() -> None:
-    shut, rim = tools(2), tools(2)
-    shut[:, 0], rim[:, 0] = -1.0, -0.9
-    torch.manual_seed(0)
-    fine = LocalisingOCNN(SPEC)
-    coarse = LocalisingOCNN(SPEC, fine_opening=False)
-    weights = fine.state_dict()
-    weights["head.0.weight"] = weights["head.0.weight"][:, :-2]
-    coarse.load_state_dict(weights)
-    frames = random_frames(2)
-    told, hardly = ((net(frames, rim) - net(frames, shut)).norm() for net in (fine, coarse))
-    assert told > 2 * hardly

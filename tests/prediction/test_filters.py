@@ -128,6 +128,39 @@ def test_the_bank_finds_the_frequency_of_a_sine() -> None:
     assert bank.models.frequencies[swings.argmax()] == pytest.approx(w, rel=0.08)
 
 
+def test_a_wide_sine_between_two_frequencies_of_the_bank_is_foreseen_all_along() -> None:
+    """Such a sine of 0.3 m runs away from both after some seconds: by half a metre, were its width of no account."""
+    bank = HarmonicBankPredictor()
+    w = np.sqrt(np.prod(bank.models.frequencies[[47, 48]]))
+    times = 0.2 * np.arange(90)
+    there = np.stack([0.3 * np.sin(w * times), 0.05 * times, np.full(90, 0.1)], -1)
+    errors = []
+    for index in range(80):
+        bank.update(times[index], there[index])
+        if index >= 25:
+            errors.append(np.linalg.norm(bank.predict([2.0]).position[0] - there[index + 10]))
+    assert max(errors) < 0.05
+
+
+def test_the_noise_of_a_swing_grows_with_the_square_of_its_amplitude() -> None:
+    """By hand: 0.2 m on one of two axes at 1 rad/s, three frequencies a factor of 1.1 apart."""
+    models = HarmonicBankPredictor(BankCfg(range_rad_s=(1.0, 1.21), oscillators_n=3)).models
+    x = np.zeros((models.n, 4, 3))
+    x[1, 2, 0] = 0.2
+    _, Q = models.ahead(np.array([0.4]), np.arange(models.n))
+    added = models.disturbed(Q, x)[0, 1] - models.disturbed(Q, 0 * x)[0, 1]
+    share = np.log(1.1) / 4
+    expected = oscillation(np.array([1.0]), np.array([0.4]), 2 * share**2 * 0.2**2 / 2)[1][0, 0]
+    assert np.allclose(added[2:, 2:], expected, atol=1e-12)
+    assert not added[:2].any()
+    # A swing in passing has the same amplitude, and constant acceleration has none.
+    passing = np.zeros_like(x)
+    passing[1, 3, 0] = 0.2
+    passing[-1, 2, 0] = 0.2
+    assert np.allclose(models.disturbed(Q, passing)[0, 1], models.disturbed(Q, x)[0, 1])
+    assert np.array_equal(models.disturbed(Q, passing)[0, -1], Q[0, -1])
+
+
 def test_the_weights_of_the_bank_are_probabilities() -> None:
     bank, rng = HarmonicBankPredictor(), np.random.default_rng(0)
     for index in range(30):

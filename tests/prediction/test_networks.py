@@ -236,6 +236,38 @@ def test_a_training_ends_when_no_epoch_is_better_any_more(tmp_path: Path, monkey
     assert [epoch.validation for epoch in epochs] == [5.0, 3.0, 4.0, 3.5, 3.0]
 
 
+def test_a_training_settles_without_dropout_after_its_epochs_and_the_same_when_resumed(tmp_path: Path) -> None:
+    def dropped(folder: str, epochs_n: int, resume: bool = False) -> list[bool]:
+        """Whether dropout was on, epoch by epoch."""
+        course, on = small("mlp_linear"), []
+        draw = course.loss
+        course.loss = lambda generator: (on.append(course.network.head[2].training), draw(generator))[1]
+        cfg = LearnCfg(epochs_n, patience_n=99, settling_n=2)
+        learn("mlp_linear", course, cfg, tmp_path / folder, provenance={}, resume=resume)
+        return on[:: course.steps_n]
+
+    assert dropped("whole", 3) == [True, True, True, False, False]
+    learn("mlp_linear", small("mlp_linear"), LearnCfg(3), tmp_path / "parts", provenance={})
+    assert dropped("parts", 3, resume=True) == [False, False]
+    whole, parts = (torch.load(tmp_path / name / "checkpoint.pt", weights_only=True) for name in ("whole", "parts"))
+    assert [epoch["settling"] for epoch in whole["curve"]] == [False, False, False, True, True]
+    assert all(torch.equal(tensor, parts["weights"][name]) for name, tensor in whole["weights"].items())
+
+
+@pytest.mark.parametrize(("epochs_n", "settling_n"), [(0, 0), (1, -1)])
+def test_a_training_without_epochs_is_refused(epochs_n: int, settling_n: int, tmp_path: Path) -> None:
+    with pytest.raises(PredictionError, match=f"got {epochs_n}, {settling_n}"):
+        learn("mlp_linear", small("mlp_linear"), LearnCfg(epochs_n, settling_n=settling_n), tmp_path, provenance={})
+
+
+def test_a_training_that_ends_early_settles_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    course, epochs = small("mlp_linear"), []
+    errors = iter([5.0, 3.0, 4.0, 3.5, 9.0, 1.0])
+    monkeypatch.setattr(course, "validate", lambda: next(errors))
+    learn("mlp_linear", course, LearnCfg(6, patience_n=2, settling_n=2), tmp_path, provenance={}, report=epochs.append)
+    assert [epoch.settling for epoch in epochs] == [False] * 4 + [True] * 2
+
+
 def test_the_hybrid_learns_and_predicts(tmp_path: Path) -> None:
     path = learn("hybrid", small("hybrid"), LearnCfg(2), tmp_path, provenance={"command": "x"})
     hybrid = HybridPredictor(path)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import signal
 from dataclasses import replace
 
@@ -70,6 +71,19 @@ def test_an_interrupted_and_resumed_run_equals_an_uninterrupted_one(tmp_path, cr
     assert_equal(*states)
     csv = [(tmp_path / name / "progress.csv").read_text().splitlines() for name in ("whole", "parts")]
     assert len(csv[0]) == len(csv[1])
+
+
+def test_what_other_threads_draw_from_pythons_generator_is_no_part_of_a_run(tmp_path):
+    """A web server's pings draw from it now and then; the run itself must not, or it could not be repeated."""
+
+    def drawn_from_meanwhile(policy):
+        random.random()
+        return {"success": 0.5}
+
+    runs = {"quiet": lambda policy: {"success": 0.5}, "disturbed": drawn_from_meanwhile}
+    for name, evaluate in runs.items():
+        trainer(tmp_path / name, evaluate=evaluate).run()
+    assert_equal(*(load_checkpoint(tmp_path / name / "checkpoint.pt") for name in runs))
 
 
 @pytest.mark.parametrize("name", ["sac", "td3", "ddpg"])

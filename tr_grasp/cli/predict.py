@@ -49,6 +49,9 @@ class TrainCfg:
     epochs: int | None = None
     """At most: 200 as in the thesis, 120 for the hybrid; ends early if the best epoch is 40 epochs ago."""
 
+    settle: int | None = None
+    """Epochs after those without dropout: 10 for the networks of the thesis, which itself has none."""
+
     tracks: int | None = None
     """Trajectories to learn from: 2000 as in the thesis, 2500 for the hybrid."""
 
@@ -139,9 +142,10 @@ def train(cfg: TrainCfg, command: str) -> int:
     torch.set_num_threads(1)  # networks this small only wait for each other on several
     course = make_course(cfg.name, cfg.seed, cfg.tracks, lambda tracks, n: _bar(tracks, n, "data", "track"))
     decay = course.decay if cfg.decay is None else cfg.decay
-    settings = LearnCfg(cfg.epochs or course.epochs_n, cfg.seed, cfg.learning_rate, decay)
+    settling_n = course.settling_n if cfg.settle is None else cfg.settle
+    settings = LearnCfg(cfg.epochs or course.epochs_n, cfg.seed, cfg.learning_rate, decay, settling_n=settling_n)
     folder = cfg.out or Path("runs/predict") / f"{cfg.name}-{cfg.seed}"
-    bar: tqdm[Any] = tqdm(total=settings.epochs_n, desc=cfg.name, unit="epoch", mininterval=_pause_s())
+    bar: tqdm[Any] = tqdm(total=settings.epochs_n + settling_n, desc=cfg.name, unit="epoch", mininterval=_pause_s())
 
     def report(epoch: Epoch) -> None:
         bar.update(epoch.epoch - bar.n)

@@ -37,9 +37,6 @@ class NetworkCfg:
     features_n: int = 128
     """Features of a frame of localising_ocnn and the baselines (the thesis' encoders have 170)."""
 
-    fine_opening: bool = True
-    """localising_ocnn reads how nearly the fingers are shut, to tell a thin rim between them from nothing."""
-
     heads: Literal["vanilla", "dense_residual", "dueling", "advanced"] = "vanilla"
     """MLPs; dense-residual networks; MLPs, the critics dueling; dense-residual networks, the critics dueling (the
     thesis' advanced actor and critic)."""

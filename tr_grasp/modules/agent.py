@@ -146,7 +146,6 @@ def _build_encoder(net: NetworkCfg, env_spec: EnvSpec) -> nn.Module:
         node_set=net.node_set,
         num_blocks=net.num_blocks,
         norm=net.norm,
-        fine_opening=net.fine_opening,
         **size,
     )
     if net.spectral_norm == "all":

@@ -43,6 +43,8 @@ class Course(ABC):
     """By default."""
     decay = 1.0
     """Of the learning rate from epoch to epoch, by default."""
+    settling_n = 0
+    """Last epochs without dropout, by default."""
     steps_n: int
     """Steps an epoch."""
     network: nn.Module
@@ -63,7 +65,7 @@ class Course(ABC):
 class MLPCourse(Course):
     """The thesis' perceptron on one class of motion: mean squared error, 100 steps of 1000 windows an epoch."""
 
-    kind, steps_n = "mlp", 100
+    kind, steps_n, settling_n = "mlp", 100, 10
     sequences_n, sequence_n = BATCH_N, 1
     """Random pieces of tracks in a batch, and windows in each."""
 

@@ -38,7 +38,9 @@ class BankCfg:
     line_density: float = 1e-8
     """White acceleration of the line under an oscillation [m²/s³]."""
     oscillator_density: float = 1e-6
-    """White acceleration of the oscillation [m²/s³]; it covers for frequencies between two oscillators."""
+    """White acceleration of the oscillation, however narrow it is [m²/s³]."""
+    detuning: float = 1.0
+    """Part of the white acceleration that a frequency between two oscillators amounts to; 0 leaves it out."""
     velocity_densities: tuple[float, ...] = (1e-8, 1e-5)
     """White acceleration of the models of constant velocity [m²/s³]; none leaves them out."""
     acceleration_densities: tuple[float, ...] = (1e-6, 1e-4, 1e-2)
@@ -95,6 +97,7 @@ class HarmonicBankPredictor(Predictor):
 
     def _take(self, elapsed_s: float, measured: Array) -> None:
         F, Q = self.models.step(round(elapsed_s, 9))
+        Q = self.models.disturbed(Q, self._x)
         x, P = F @ self._x, F @ self._P @ F.swapaxes(-1, -2) + Q
         PH = (P @ self.models.H[..., None])[..., 0]
         S = (PH * self.models.H).sum(-1) + self.models.variance
@@ -121,6 +124,7 @@ class HarmonicBankPredictor(Predictor):
         weights = weights[chosen] / weights[chosen].sum()
         F, Q = self.models.ahead(ahead_s, chosen)
         H, x, P = self.models.H[chosen], self._x[chosen], self._P[chosen]
+        Q = self.models.disturbed(Q, x, chosen)
         HF = (H[:, None] @ F)[..., 0, :]
         means = np.einsum("hms,msa->hma", HF, x)
         variances = np.einsum("hms,mst,hmt->hm", HF, P, HF) + np.einsum("ms,hmst,mt->hm", H, Q, H)
@@ -174,12 +178,43 @@ class _Models:
         P[:, 0, 0] += np.where(self.H[:, 2] == 0, self.variance, 0.0)
         return P
 
+    @cached_property
+    def detuning(self) -> Array:
+        """(n,) White acceleration [m²/s³] for each square metre of amplitude, 0 for what does not swing.
+
+        A frequency is a share e of itself away from the nearest oscillator, on average a quarter of their spacing. That
+        amounts to an acceleration of 2 e w² x, whose square is 2 e² w⁴ on average for an amplitude of 1 m, and which
+        keeps its sign for about 1 / w.
+        """
+        low, high = self.cfg.range_rad_s
+        share = np.log(high / low) / max(1, self.cfg.oscillators_n - 1) / 4
+        return np.where(self.H[:, 2] == 1, self.cfg.detuning * 2 * share**2 * self.radians_s**3, 0.0)
+
+    @cached_property
+    def radians_s(self) -> Array:
+        """(n,) Frequency, 1 for what does not swing."""
+        others = np.ones(self.one_level_n - len(self.frequencies))
+        return np.tile(np.concatenate([self.frequencies, others]), self.levels_n)
+
+    def disturbed(self, Q: Array, x: Array, chosen: Indices | slice = slice(None)) -> Array:
+        """Process noise (..., chosen, 4, 4) of the states (chosen, 4, 3): the wider a swing, the more."""
+        squares = x[:, 2, :2] ** 2 + (x[:, 3, :2] / self.radians_s[chosen, None]) ** 2
+        density = self.density[chosen] + self.detuning[chosen] * squares.mean(-1)
+        Q = Q.copy("K")
+        Q[..., 2:, 2:] *= density[:, None, None]
+        return Q
+
+    @cached_property
+    def density(self) -> Array:
+        """(n,) White acceleration of a swing that is not wide yet [m²/s³]; 1 for what does not swing."""
+        return np.where(self.H[:, 2] == 1, self.cfg.oscillator_density, 1.0)
+
     def _step(self, dt: float) -> tuple[Array, Array]:
         F, Q = self.ahead(np.array([dt]), np.arange(self.n))
         return F[0], Q[0]
 
     def ahead(self, times: Array, chosen: Indices) -> tuple[Array, Array]:
-        """Transitions and process noise (times, chosen, 4, 4) over each time [s]."""
+        """Transitions and process noise (times, chosen, 4, 4) over each time [s], that of swings for a density of 1."""
         F, Q = self._one_level(times)
         return F[:, chosen % self.one_level_n], Q[:, chosen % self.one_level_n]
 
@@ -187,7 +222,7 @@ class _Models:
         cfg, n = self.cfg, len(self.frequencies)
         F = np.zeros((len(times), self.one_level_n, STATES_N, STATES_N))
         Q = np.zeros_like(F)
-        F[:, :n, 2:, 2:], Q[:, :n, 2:, 2:] = oscillation(self.frequencies, times, cfg.oscillator_density)
+        F[:, :n, 2:, 2:], Q[:, :n, 2:, 2:] = oscillation(self.frequencies, times, 1.0)
         F[:, :n, :2, :2] = transition(2, times)[:, None]
         Q[:, :n, :2, :2] = white_noise(2, times, cfg.line_density)[:, None]
         for model, density in enumerate(cfg.velocity_densities, n):

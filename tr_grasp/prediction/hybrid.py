@@ -25,6 +25,8 @@ SLOWEST_M_S = 2e-3
 FINEST_M = 1e-4
 FURTHEST_S = 3.0
 """Longest horizon that it was trained for; beyond, the filters mix as at that horizon and the deviation grows on."""
+TRAINED_WITH = BankCfg(detuning=0.0)
+"""Bank that the shipped weights correct; whoever changes it has to train them again."""
 _BORDERS_RAD_S = (0.2, 0.5, 1.0)
 
 
@@ -58,7 +60,7 @@ class HybridPredictor(Predictor):
 
     Args:
         weights: Shipped ones (``hybrid``) or a file; None runs the filters untrained, as training does.
-        bank: Settings of the bank; those it was trained with by default.
+        bank: Settings of the bank; :data:`TRAINED_WITH` by default.
         gate: What counts as a leap.
 
     Raises:
@@ -66,7 +68,7 @@ class HybridPredictor(Predictor):
     """
 
     def __init__(
-        self, weights: str | Path | None = "hybrid", bank: BankCfg | None = None, gate: GateCfg | None = None
+        self, weights: str | Path | None = "hybrid", bank: BankCfg = TRAINED_WITH, gate: GateCfg | None = None
     ) -> None:
         super().__init__(gate)
         self.bank = HarmonicBankPredictor(bank)
@@ -150,7 +152,7 @@ class HybridPredictor(Predictor):
 
 def features_n() -> int:
     """Inputs of the network, with the default levels of noise."""
-    return 3 * PAST_N + len(BankCfg().sigmas_m) + len(_BORDERS_RAD_S) + 3 + 4 + 9 + 3 + 2
+    return 3 * PAST_N + len(TRAINED_WITH.sigmas_m) + len(_BORDERS_RAD_S) + 3 + 4 + 9 + 3 + 2
 
 
 def _travel_frame(velocity: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,8 @@ class LearnCfg:
     """Factor on it from epoch to epoch."""
     patience_n: int = 40
     """The training ends early if the best epoch is this long ago."""
+    settling_n: int = 0
+    """Epochs after that without dropout, which the thesis does not have."""
     checkpoint_every_n: int = 10
     """Epochs between two checkpoints."""
 
@@ -44,11 +46,13 @@ class Epoch:
     epoch: int
     """From 1 on."""
     loss: float
-    """Mean of its steps, with dropout."""
+    """Mean of its steps."""
     validation: float
     """On the tracks left out."""
     wall_s: float
     """Since the training began, pauses left out."""
+    settling: bool = False
+    """Whether dropout was off."""
 
 
 def learn(
@@ -76,13 +80,15 @@ def learn(
         The file of the weights.
 
     Raises:
-        PredictionError: No epochs, or a folder that holds a training already.
+        PredictionError: No epochs, fewer than none to settle, or a folder that holds a training already.
         CheckpointError: Nothing to resume, or the checkpoint of another training.
         TrainingDivergedError: The loss stopped being finite.
         StorageError: Something could not be written.
     """
-    if cfg.epochs_n < 1:
-        raise PredictionError(f"epochs_n must be at least 1, got {cfg.epochs_n}.")
+    if cfg.epochs_n < 1 or cfg.settling_n < 0:
+        raise PredictionError(
+            f"epochs must be at least 1 and those that settle 0, got {cfg.epochs_n}, {cfg.settling_n}."
+        )
     make_folder(folder)
     checkpoint = folder / CHECKPOINT_FILE
     run = _Run(name, course, cfg)
@@ -120,15 +126,20 @@ class _Run:
     @property
     def best_epoch(self) -> Epoch:
         """The one with the smallest validation error."""
-        return min(self.curve, key=lambda epoch: epoch.validation)
+        return _best(self.curve)
+
+    @property
+    def is_settling(self) -> bool:
+        """Whether it made all its epochs with dropout, or too many without a better one."""
+        learned = [epoch for epoch in self.curve if not epoch.settling]
+        return len(learned) >= self.cfg.epochs_n or (
+            len(learned) > 0 and len(learned) - _best(learned).epoch >= self.cfg.patience_n
+        )
 
     @property
     def is_over(self) -> bool:
-        """Whether it made all its epochs, or too many without a better one."""
-        epochs_n = len(self.curve)
-        return epochs_n >= self.cfg.epochs_n or (
-            epochs_n > 0 and epochs_n - self.best_epoch.epoch >= self.cfg.patience_n
-        )
+        """Whether it has settled, too."""
+        return self.is_settling and sum(epoch.settling for epoch in self.curve) >= self.cfg.settling_n
 
     def epoch(self) -> Epoch:
         """Another one."""
@@ -138,15 +149,15 @@ class _Run:
         torch.manual_seed(1_000_003 * self.cfg.seed + number)
         for group in self.optimiser.param_groups:
             group["lr"] = self.cfg.learning_rate * self.cfg.decay ** (number - 1)
-        before, started = self._state(), time.perf_counter()
+        before, started, settling = self._state(), time.perf_counter(), self.is_settling
         try:
-            loss = self._steps(network.train())
+            loss = self._steps(network.train(not settling))
         except KeyboardInterrupt:
             self._restore(before)
             raise
         validation = self._validate(network.eval())
         wall_s = (self.curve[-1].wall_s if self.curve else 0.0) + time.perf_counter() - started
-        self.curve.append(Epoch(number, loss, validation, wall_s))
+        self.curve.append(Epoch(number, loss, validation, wall_s, settling))
         if self.best_epoch.epoch == number:
             self.best = self._weights()
         return self.curve[-1]
@@ -216,3 +227,7 @@ class _Run:
     def _restore(self, state: Mapping[str, Any]) -> None:
         self.course.network.load_state_dict(state["weights"])
         self.optimiser.load_state_dict(torch.load(io.BytesIO(state["optimiser"]), weights_only=True))
+
+
+def _best(curve: Sequence[Epoch]) -> Epoch:
+    return min(curve, key=lambda epoch: epoch.validation)

@@ -69,14 +69,15 @@ def seed_everything(seed: int) -> None:
 
 
 def random_state() -> dict[str, Any]:
-    """The state of every global random generator, those included that only others use."""
+    """The state of the global random generators, that of Python's ``random`` left out.
+
+    Nothing in a run draws from that one, and threads that are no part of it do: pings and calls of WebSockets.
+    """
     _, keys, *rest = np.random.get_state()  # noqa: NPY002
-    version, internal, gauss = random.getstate()
     return {
         "torch": torch.get_rng_state(),
         "cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_available() else [],
         "numpy": [torch.from_numpy(keys.astype(np.int64)), *rest],
-        "python": [version, list(internal), gauss],
     }
 
 
@@ -87,5 +88,3 @@ def set_random_state(state: Mapping[str, Any]) -> None:
         torch.cuda.set_rng_state_all(state["cuda"])
     keys, *rest = state["numpy"]
     np.random.set_state(("MT19937", keys.numpy().astype(np.uint32), *rest))  # noqa: NPY002
-    version, internal, gauss = state["python"]
-    random.setstate((version, tuple(internal), gauss))

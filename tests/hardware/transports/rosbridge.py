@@ -152,3 +152,4 @@ class RosbridgeServer:
 
     def close(self):
         self.server.shutdown()
+        self.disconnect()

@@ -73,9 +73,7 @@ class Rosbridge:
         self._lib = maker_package("roslibpy", "kinova", "the arm 'j2s7s300'")
         self._where = f"{cfg.host}:{cfg.port}"
         try:
-            self.ros = self._lib.Ros(host=cfg.host, port=cfg.port)
-            self.ros.factory.on("ready", _send_at_once)
-            self.ros.run(timeout=cfg.timeout_s)
+            self.ros = self._connected(cfg)
         except Exception as error:  # roslibpy raises its own, and those of Twisted
             raise HardwareError(f"no rosbridge answers at {self._where}: {error}.") from error
 
@@ -97,8 +95,31 @@ class Rosbridge:
             raise HardwareError(f"rosbridge at {self._where} is not connected.")
 
     def close(self) -> None:
-        """Hang up."""
-        self.ros.close()
+        """Hang up, also if it is gone already."""
+        try:
+            self.ros.close()
+        finally:
+            _give_up(self.ros)
+
+    def _connected(self, cfg: KinovaCfg) -> Any:
+        ros = self._lib.Ros(host=cfg.host, port=cfg.port, transport="twisted")
+        ros.factory.on("ready", _send_at_once)
+        try:
+            ros.run(timeout=cfg.timeout_s)
+        except Exception:
+            _give_up(ros)
+            raise
+        return ros
+
+
+def _give_up(ros: Any) -> None:
+    """Call no more: by itself roslibpy would for ever, at intervals that it draws from Python's random generator."""
+
+    def give_up() -> None:
+        ros.factory.stopTrying()
+        ros.factory.connector.disconnect()
+
+    ros.call_later(0, give_up)
 
 
 def _send_at_once(protocol: Any) -> None:

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from tr_grasp.errors import ConfigError
 from tr_grasp.modules.encoders.frames import merge_frames
 from tr_grasp.modules.encoders.readout import MaxReadout, SpatialReadout
-from tr_grasp.modules.encoders.tool_frame import SHUT_SCALES, TOOL_FEATURES_N, ToolPose, shut_features, tool_pose
+from tr_grasp.modules.encoders.tool_frame import TOOL_FEATURES_N, ToolPose, tool_pose
 from tr_grasp.octree import Backend, Octree, OctreeConv, OctreeFrame, OctreeSpec, octree_join_children
 
 OFFSET_SCALE = 2.0
@@ -39,7 +39,6 @@ class LocalisingOCNN(nn.Module):
         tool_coordinates: Give positions relative to the tcp along the tool's x and y axes.
         attention: Read out by attention; otherwise only the largest of every channel.
         central_moments: Attention reads second moments about the attended mean instead of about the tcp.
-        fine_opening: Give how nearly the fingers are shut, to tell a thin rim between them from nothing.
 
     Raises:
         ConfigError: Without any coordinates.
@@ -62,13 +61,11 @@ class LocalisingOCNN(nn.Module):
         tool_coordinates: bool = True,
         attention: bool = True,
         central_moments: bool = True,
-        fine_opening: bool = True,
     ) -> None:
         super().__init__()
         self.spec = spec
         self.features_n = features_n
         self._absolute, self._tcp, self._tool = absolute_coordinates, tcp_coordinates, tool_coordinates
-        self._fine_opening = fine_opening
         absolute_n, relative_n = 3 * absolute_coordinates, 3 * tcp_coordinates + 2 * tool_coordinates
         positions_n = absolute_n + relative_n
         if not positions_n:
@@ -93,7 +90,7 @@ class LocalisingOCNN(nn.Module):
             plane = (self._read_n - 2, self._read_n - 1) if tool_coordinates else (0, 1)
             self.readout = SpatialReadout(self.hidden_n, heads_n, self.values_n, self._read_n, plane, central_moments)
         self.head = nn.Sequential(
-            nn.Linear(self.readout.features_n + TOOL_FEATURES_N + fine_opening * len(SHUT_SCALES), self.head_hidden_n),
+            nn.Linear(self.readout.features_n + TOOL_FEATURES_N, self.head_hidden_n),
             nn.ReLU(),
             nn.Linear(self.head_hidden_n, features_n),
             nn.LayerNorm(features_n),
@@ -117,8 +114,7 @@ class LocalisingOCNN(nn.Module):
         read = means[:, -self._read_n :]
         distances = [read[:, :3].norm(dim=1, keepdim=True)] if self._tcp else []
         blocks = self.describe(torch.cat([blocks, means, *distances, counts / 8], dim=1))
-        known = [tool.features, shut_features(proprio)] if self._fine_opening else [tool.features]
-        return self.head(torch.cat([self.readout(blocks, read, level), *known], dim=1))
+        return self.head(torch.cat([self.readout(blocks, read, level), tool.features], dim=1))
 
     def _leaves(self, octree: Octree, tool: ToolPose) -> tuple[Tensor, Tensor]:
         """``(leaves, channels + 1 + positions)``: stored features, 1, positions; and the positions alone."""

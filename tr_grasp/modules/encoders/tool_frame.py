@@ -12,9 +12,6 @@ from tr_grasp.octree import OctreeSpec
 
 TOOL_FEATURES_N = 8
 
-SHUT_SCALES = (0.05, 0.2)
-"""Gripper readings above -1, of a range of 2, over which a hand counts as nearly shut: 2 and 8 mm of 80."""
-
 _PREFERRED_HEADING = (math.sqrt(0.5), math.sqrt(0.5), 0.0)
 """Diagonal, so that tools along the axes of the base are far from the border between the two descriptions."""
 
@@ -46,12 +43,3 @@ def tool_pose(proprio: Tensor, spec: OctreeSpec) -> ToolPose:
     x, y = axes[:, 1, :1], axes[:, 1, 1:2]
     features = torch.cat([gripper, position, x * x - y * y, 2 * x * y, axes[:, :, 2]], dim=1)
     return ToolPose(position, axes, features)
-
-
-def shut_features(proprio: Tensor) -> Tensor:
-    """``(B, 2)`` of proprioception ``(B, 10)``: how nearly the fingers are shut, 1 if they are and 0 if far apart.
-
-    Between what closed on nothing and what holds a thin rim lie a few hundredths of the gripper reading, too little
-    beside all else that a network reads.
-    """
-    return torch.exp(-(proprio[:, :1] + 1) / proprio.new_tensor(SHUT_SCALES))
