@@ -97,6 +97,21 @@ def test_a_quick_motion_does_not_pass_through_a_thin_board_unseen() -> None:
         assert not scene_with(board, forecast=still(0.2, 0.9)).is_free(way, 0.0)
 
 
+def test_what_was_to_be_over_by_now_is_still_checked_where_the_arm_is() -> None:
+    """A hand that waits to be aligned may be later than its approach was to end."""
+    forecast = still(0.5, 0.0)
+    T, q = sideways_grasp(forecast)
+    z = float((forecast.poses(np.zeros(1)) @ moved_along_tool(T, BACK_M))[0, 2, 3])
+    x, y = arm().pose(q[0])[:2, 3]
+    rest = point_to_point(JointState.at_rest(q[0]), JointState.at_rest(q[0] + 0.01), RATED).trajectory
+    assert rest is not None
+    assert scene_with(forecast=forecast).is_free_at_grasp(rest, 5.0, 4.0)
+    board = box("board", (0.3, 0.3, 0.01), at(x, y, z))
+    touching = Scene.of(arm(), scene(line(), obstacles=[board])[1], arm().home_q_rad)
+    touching.expect(forecast)
+    assert not touching.is_free_at_grasp(rest, 5.0, 4.0)
+
+
 def test_an_arm_that_is_only_near_to_something_at_first_still_minds_it() -> None:
     tool = arm().pose(arm().home_q_rad)
     tops = [box("top", (0.3, 0.3, 0.02), at(*tool[:2, 3], tool[2, 3] - gap)) for gap in np.arange(0.0, 0.2, 0.002)]

@@ -232,7 +232,8 @@ class MeetingPlanner:
             self._approach = Approach(begins, self.approach_s)
             run.tell(Phase.APPROACHING)
         path = follow(run.kinematics, run.near_limits, self._tool_poses(forecast, meeting), start, start_s, FOLLOW_S)
-        done_s = start_s + self.approach_s if self._approach is None else self._approach.ends_s
+        # An approach that waits to be aligned may be overdue: then the grasp is still ahead.
+        done_s = start_s + self.approach_s if self._approach is None else max(start_s, self._approach.ends_s)
         is_clear = path is not None and run.scene.is_free_at_grasp(path, start_s, done_s + AFTERWARDS_S)
         if path is not None and is_clear and run.send(path, start_s):
             self._stuck_n = 0

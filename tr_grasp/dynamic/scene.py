@@ -73,14 +73,14 @@ class Scene:
         return self._is_free(self.way, trajectory, from_s, trajectory.duration_s)
 
     def is_free_at_grasp(self, trajectory: Trajectory, from_s: float, until_s: float) -> bool:
-        """Whether nothing but the object is touched, up to a later time."""
+        """Whether nothing but the object is touched, up to a later time; at the start in any case."""
         return self._is_free(self.grasp, trajectory, from_s, until_s - from_s)
 
     @staticmethod
     def _is_free(model: CollisionModel, trajectory: Trajectory, from_s: float, duration_s: float) -> bool:
         quickest_rad_s = max(float(trajectory.peaks()["velocity"].max()), CHECK_RAD / CHECK_PERIOD_S)
         times, state = trajectory.every(CHECK_RAD / quickest_rad_s)
-        kept = times <= duration_s + 1e-9
+        kept = times <= max(duration_s, 0.0) + 1e-9
         return model.all_free(state.q[kept], times[kept] + from_s)
 
 
