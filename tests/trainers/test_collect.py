@@ -148,6 +148,8 @@ def test_ctrl_c_does_not_reach_the_workers():
         import os, signal, sys
         from tests.trainers.test_collect import plan, take, RandomActions, Collection
         if __name__ == "__main__":
+            # What a shell starts in the background inherits that Ctrl-C is ignored.
+            signal.signal(signal.SIGINT, signal.default_int_handler)
             with Collection(plan(mode="process"), RandomActions(5)) as collection:
                 take(collection, 1)
                 try:
