@@ -7,16 +7,15 @@ of the same name is from it. Every run is kept in FOLDER, so that a stopped meas
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from benchmarks._common import machine
+from benchmarks._laboratories import kept_runs
 from tr_grasp.calibration.closed_form import solve_closed_form
 from tr_grasp.calibration.coverage import coverage_of
 from tr_grasp.calibration.detection import Refused, detect_board
@@ -26,10 +25,10 @@ from tr_grasp.calibration.problem import Problem
 from tr_grasp.calibration.rendering import ImageNoise, render_board
 from tr_grasp.calibration.rigid import Array, angle_rad, distance_m
 from tr_grasp.calibration.samples import SETUPS, Sample, Setup
+from tr_grasp.calibration.session import sample_of
 from tr_grasp.calibration.solve import solve_hand_eye
 from tr_grasp.calibration.views import View
 from tr_grasp.evaluation.statistics import Counts, wilson_interval
-from tr_grasp.files import make_folder, write_atomically
 from tr_grasp.geometry import transform_from
 
 SAMPLES_N = (5, 11, 15)
@@ -73,23 +72,13 @@ def pictured(lab: Laboratory, views: list[View], levels: float) -> list[Sample]:
         seen = detect_board(picture, lab.cfg.board, lab.told_camera)
         if isinstance(seen, Refused):
             raise SystemExit(f"seed {lab.cfg.seed}, view {i}: {seen.sentence}")
-        found.append(
-            Sample(
-                str(i), T_true, seen.T_cam_board, seen.information, seen.pixels, seen.points_board, seen.reprojection_px
-            )
-        )
+        found.append(sample_of(str(i), T_true, seen))
     return found
 
 
 def told(lab: Laboratory, samples: list[Sample], wrong: int | None = None) -> list[Sample]:
     """The same with the pose that the robot tells."""
-    return [
-        Sample(
-            s.name, lab.told(s.T_base_tcp, i == wrong), s.T_cam_board, s.information, s.pixels, s.points_board,
-            s.reprojection_px,
-        )
-        for i, s in enumerate(samples)
-    ]  # fmt: skip
+    return [replace(s, T_base_tcp=lab.told(s.T_base_tcp, i == wrong)) for i, s in enumerate(samples)]
 
 
 def runs_of(setup: Setup, seed: int) -> Iterator[Run]:
@@ -205,18 +194,7 @@ def total(runs: list[Run], name: str) -> dict[str, object]:
 
 def main() -> None:
     """Measure what is missing, then print all rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("runs/benchmarks/calibration"))
-    parser.add_argument("--repetitions", type=int, default=20)
-    given = parser.parse_args()
-    make_folder(given.out)
-    runs = []
-    for seed in range(given.repetitions):
-        for setup in SETUPS:
-            path = given.out / f"{setup}_{seed}.json"
-            if not path.exists():
-                write_atomically(path, json.dumps([asdict(r) for r in runs_of(setup, seed)]))
-            runs += [Run(**record) for record in json.loads(path.read_text(encoding="utf-8"))]
+    runs = kept_runs(__doc__, "calibration", 20, Run, runs_of)
     for setup in SETUPS:
         for condition in CONDITIONS:
             for n in SAMPLES_N:

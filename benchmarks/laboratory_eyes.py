@@ -7,16 +7,16 @@ and how far the calibration is off. Every laboratory is kept in FOLDER, so that 
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from benchmarks._common import machine
+from benchmarks._laboratories import kept_runs
 from tr_grasp.calibration import (
     Eye,
     LabCfg,
@@ -30,9 +30,9 @@ from tr_grasp.calibration import (
 )
 from tr_grasp.calibration.rigid import angle_rad, distance_m
 from tr_grasp.calibration.samples import SETUPS
+from tr_grasp.calibration.session import sample_of
 from tr_grasp.calibration.views import View
 from tr_grasp.envs.laboratory_eye import SapienEye
-from tr_grasp.files import make_folder, write_atomically
 
 VIEWS_N = 11
 
@@ -76,12 +76,7 @@ def run(lab: Laboratory, name: str, views: list[View]) -> Run:
         truth = lab.T_cam_board(shot.T_base_tcp)
         expected = lab.cfg.camera.project(seen.points_board @ truth[:3, :3].T + truth[:3, 3])
         corners_px += np.linalg.norm(seen.pixels - expected, axis=1).tolist()
-        samples.append(
-            Sample(
-                str(i), shot.T_base_tcp, seen.T_cam_board, seen.information, seen.pixels, seen.points_board,
-                seen.reprojection_px,
-            )
-        )  # fmt: skip
+        samples.append(sample_of(str(i), shot.T_base_tcp, seen))
     X = solve_hand_eye(samples, lab.cfg.setup).T_parent_cam
     off_mm, off_deg = 1e3 * distance_m(X, lab.X), float(np.degrees(angle_rad(X, lab.X)))
     return Run(
@@ -111,20 +106,9 @@ def row(runs: list[Run]) -> dict[str, object]:
 
 def main() -> None:
     """Measure what is missing, then print all rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("runs/benchmarks/laboratory_eyes"))
-    parser.add_argument("--repetitions", type=int, default=5)
-    given = parser.parse_args()
-    make_folder(given.out)
     cfg = LabCfg()
     eyes: dict[str, Eye] = {"raycast": RaycastEye(cfg.board), "sapien": SapienEye(cfg.robot, cfg.board)}
-    runs: list[Run] = []
-    for seed in range(given.repetitions):
-        for setup in SETUPS:
-            path = given.out / f"{setup}_{seed}.json"
-            if not path.exists():
-                write_atomically(path, json.dumps([asdict(r) for r in runs_of(setup, seed, eyes)]))
-            runs += [Run(**record) for record in json.loads(path.read_text(encoding="utf-8"))]
+    runs = kept_runs(__doc__, "laboratory_eyes", 5, Run, partial(runs_of, eyes=eyes))
     for setup in SETUPS:
         for name in eyes:
             print(json.dumps(row([r for r in runs if (r.setup, r.eye) == (setup, name)])), flush=True)

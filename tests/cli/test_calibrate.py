@@ -54,7 +54,7 @@ def test_a_wrong_sample_and_a_lens_are_told(tmp_path: Path, capsys) -> None:
 def test_photographs_are_refused_without_a_vulkan_device(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys
 ) -> None:
-    monkeypatch.setattr("tr_grasp.cli.arguments.probe_vulkan", lambda: ("", "no driver"))
+    monkeypatch.setattr("tr_grasp.cli.vulkan.probe_vulkan", lambda: ("", "no driver"))
     assert run("simulate", "--pictures", "sapien", "--out", tmp_path / "new") == 2
     assert "--pictures sapien needs a Vulkan device (no driver); --pictures raycast" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()

@@ -33,7 +33,7 @@ def test_steps_can_be_printed_and_filmed(tmp_path: Path, capsys: pytest.CaptureF
 def test_a_film_by_the_renderer_is_refused_without_a_vulkan_device(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("tr_grasp.cli.arguments.probe_vulkan", lambda: ("", "no driver"))
+    monkeypatch.setattr("tr_grasp.cli.vulkan.probe_vulkan", lambda: ("", "no driver"))
     assert cli.main(["play", "--view", str(tmp_path / "film.png"), "--view-camera", "sapien"]) == 2
     assert "--view-camera sapien needs a Vulkan device (no driver)" in capsys.readouterr().err
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 
 from tr_grasp.calibration import BoardSpec, Detection, Intrinsics, LabCfg, Laboratory, Setup, detect_board
-from tr_grasp.calibration.rendering import INK, PAPER
+from tr_grasp.calibration.rendering import INK, PAPER, exposed
 from tr_grasp.calibration.rigid import distance_m, transform_of
 from tr_grasp.envs.laboratory_eye import SapienEye, _without_lens, printed_board
 
@@ -81,11 +80,7 @@ def test_an_arm_before_the_board_hides_it() -> None:
     for aside_m in (0.0, 0.6):  # the arm stands at the origin, the camera looks along y
         sight = transform_of([aside_m, -0.6, 0.15, 0, 0, 0]) @ transform_of([0, 0, 0, -np.pi / 2, 0, 0])
         board = sight @ transform_of([-0.055, -0.085, 0.75, 0, 0, 0])
-        seen = detect_board(_levels(eye.picture(cfg.camera, sight, board, q)), cfg.board, cfg.camera)
+        seen = detect_board(exposed(eye.picture(cfg.camera, sight, board, q)), cfg.board, cfg.camera)
         corners.append(len(seen.pixels) if isinstance(seen, Detection) else 0)
     assert corners[1] == 24
     assert corners[0] < 12
-
-
-def _levels(picture: np.ndarray) -> np.ndarray:
-    return np.clip(np.rint(cv2.GaussianBlur(picture, (0, 0), 0.6)), 0, 255).astype(np.uint8)

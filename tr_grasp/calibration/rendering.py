@@ -135,21 +135,20 @@ def _edge_points(outline: Array) -> Array:
     )
 
 
-def subpixel_directions(camera: Intrinsics, low: Array, high: Array, subpixels: int = SUBPIXELS) -> Array:
-    """(rows, columns, 3) directions with z = 1 of the rays through a window of pixels, ``subpixels``² for each.
+def subpixel_directions(camera: Intrinsics, low: Array, high: Array) -> Array:
+    """(rows, columns, 3) directions with z = 1 of the rays through a window of pixels, ``SUBPIXELS``² for each.
 
     Args:
         camera: With its lens.
         low: (2,) first column and row.
         high: (2,) those after the last.
-        subpixels: Rays along an edge of a pixel, evenly spaced.
     """
     # A lens bends so evenly that its directions are known at whole pixels and linear between them.
     u, v = (np.arange(low[k] - 1.0, high[k] + 1.0) for k in range(2))
     pixels = np.stack(np.meshgrid(u, v), axis=-1)
     directions = cv2.undistortPoints(pixels.reshape(-1, 1, 2), camera.matrix, camera.coefficients).reshape(pixels.shape)
-    fine = cv2.resize(directions, None, fx=subpixels, fy=subpixels, interpolation=cv2.INTER_LINEAR)
-    inside = fine[subpixels:-subpixels, subpixels:-subpixels]
+    fine = cv2.resize(directions, None, fx=SUBPIXELS, fy=SUBPIXELS, interpolation=cv2.INTER_LINEAR)
+    inside = fine[SUBPIXELS:-SUBPIXELS, SUBPIXELS:-SUBPIXELS]
     return np.concatenate([inside, np.ones((*inside.shape[:2], 1))], axis=2)
 
 

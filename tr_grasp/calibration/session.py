@@ -140,7 +140,7 @@ class HandEyeSession:
         seen = detect_board(picture, self.cfg.board, self.cfg.camera, depth_m=depth_m, cfg=detection)
         if isinstance(seen, Refused):
             return seen
-        sample = _sample(self._next_name(), T_base_tcp, seen, q_rad)
+        sample = sample_of(self._next_name(), T_base_tcp, seen, q_rad)
         for other in self.samples:
             gap, turn = (measure(sample.T_base_tcp, other.T_base_tcp) for measure in (distance_m, angle_rad))
             if gap < NEW_POSE_M and np.degrees(turn) < NEW_POSE_DEG:
@@ -248,7 +248,8 @@ class HandEyeSession:
         self.samples.append(sample)
 
 
-def _sample(name: str, T_base_tcp: ArrayLike, seen: Detection, q_rad: ArrayLike | None) -> Sample:
+def sample_of(name: str, T_base_tcp: ArrayLike, seen: Detection, q_rad: ArrayLike | None = None) -> Sample:
+    """A board that was found, and where the robot says that its hand was (4, 4), with its joints (dof,) if known."""
     return Sample(
         name, np.asarray(T_base_tcp, float), seen.T_cam_board, seen.information, seen.pixels, seen.points_board,
         seen.reprojection_px, None if q_rad is None else np.asarray(q_rad, float),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from tr_grasp.doctor import probe_vulkan
 from tr_grasp.errors import ConfigError, unknown_name
 from tr_grasp.files import make_folder
 
@@ -72,21 +71,6 @@ def run_part(verb: str, parts: Mapping[str, Callable[[list[str]], int]], args: l
     if part not in parts:
         raise ConfigError(f"{unknown_name(f'verb of {verb}', part, parts)} Try `tr-grasp {verb} --help`.")
     return parts[part](rest)
-
-
-def require_vulkan(flag: str, otherwise: str) -> None:
-    """Refuse a flag that draws with SAPIEN where SAPIEN cannot draw.
-
-    Args:
-        flag: As it is given.
-        otherwise: The flag that needs no such device.
-
-    Raises:
-        ConfigError: There is no Vulkan device.
-    """
-    device, error = probe_vulkan()
-    if not device:
-        raise ConfigError(f"{flag} needs a Vulkan device ({error}); {otherwise} needs none.")
 
 
 def make_room(out: Path) -> None:

@@ -18,8 +18,8 @@ from tr_grasp.calibration.rigid import Array, angle_rad, distance_m
 from tr_grasp.calibration.samples import SETUPS, Setup
 from tr_grasp.calibration.session import HandEyeSession, SessionCfg
 from tr_grasp.calibration.solve import HandEyeResult
-from tr_grasp.cli.arguments import require_vulkan
 from tr_grasp.cli.calibrate_flags import AddCfg, BoardCfg, ImportCfg, NewCfg, SimulateCfg, SolveCfg, StatusCfg
+from tr_grasp.cli.vulkan import require_vulkan
 from tr_grasp.configs.io import parse
 from tr_grasp.errors import CalibrationError, unknown_name
 from tr_grasp.evaluation.calibration_report import calibration_html

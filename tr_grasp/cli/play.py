@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tr_grasp.cli.arguments import require_vulkan
+from tr_grasp.cli.vulkan import require_vulkan
 from tr_grasp.configs import RandomisationCfg
 from tr_grasp.configs.io import parse
 from tr_grasp.errors import ConfigError

@@ -13,7 +13,6 @@ from tr_grasp.dynamic.tool_path import moved_along_tool
 from tr_grasp.motion import IKCfg, inverse_kinematics
 
 Array = NDArray[np.floating]
-Index = NDArray[np.integer]
 
 AFTERWARDS_S = 1.0
 """So long after the grasp, its posture must still be there: the arm goes along while the fingers close."""

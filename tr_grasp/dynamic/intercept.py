@@ -138,10 +138,10 @@ class InterceptSearch:
         self._half = len(candidates) // 2
         self._T_obj_pre = moved_along_tool(candidates.T_obj_tcp, back_off_m)
         self._leads = np.geomspace(0.04 * horizon_s, horizon_s, LEADS_N)
-        # A motion with limited jerk takes about so much longer than its lower bound.
         attempt_s = HALF_TURNS_LOST * turning_time(np.pi, limits)
         self._unsure_s = attempt_s * (1 - candidates.worth + LEVER_PER_M * candidates.lever_m)
         self._calm = limits.scaled(1 - RESERVE)
+        # A motion with limited jerk takes about so much longer than its lower bound.
         self._jerk_s = float((limits.acceleration_rad_s2 / limits.jerk_rad_s3).max())
 
     def search(self, forecast: Forecast, start: JointState, start_s: float) -> Found:

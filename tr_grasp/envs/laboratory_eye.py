@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sapien import render
 
 from tr_grasp.calibration import BoardSpec, Intrinsics
-from tr_grasp.calibration.rendering import INK, PAPER, subpixel_directions
+from tr_grasp.calibration.rendering import INK, PAPER, SUBPIXELS, subpixel_directions
 from tr_grasp.envs.drawn_scene import GROUND_HALF_SIDE_M, light_scene
 from tr_grasp.envs.robot_bodies import TABLE_COLOUR
 from tr_grasp.motion import Kinematics
@@ -24,8 +24,6 @@ from tr_grasp.sensing.sapien_bodies import render_body, render_ground
 from tr_grasp.sensing.sapien_camera import SapienCamera
 
 Array = NDArray[np.floating]
-SUBPIXELS = 4
-"""The renderer takes one sample a pixel; so many times so many of its pixels make one of the camera's."""
 PLATE_M, BEHIND_M = 0.003, 0.0005
 """Thickness of the plate that the board is glued on, and how far it is behind the print, so that they do not mix."""
 PLATE_COLOUR = (0.55, 0.55, 0.57)
@@ -109,7 +107,8 @@ def _distinct(values: Array) -> Array:
 def _without_lens(camera: Intrinsics) -> tuple[float, tuple[int, int], NDArray[np.float32], NDArray[np.float32]]:
     """A camera without lens that sees as much: field of view, size, and where in its picture each subpixel is."""
     size = np.array([camera.width_px, camera.height_px])
-    directions = subpixel_directions(camera, np.zeros(2, int), size, SUBPIXELS)[..., :2]
+    directions = subpixel_directions(camera, np.zeros(2, int), size)[..., :2]
+    # The renderer takes one sample a pixel: SUBPIXELS² of its pixels make one of the camera's.
     focal_px = SUBPIXELS * max(camera.fx_px, camera.fy_px)
     half_px = np.ceil(np.abs(directions).max(axis=(0, 1)) * focal_px).astype(int) + 1
     places = (directions * focal_px + half_px - 0.5).astype(np.float32)
