@@ -1,13 +1,15 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from tr_grasp.configs import ActionCfg
-from tr_grasp.envs.expert import CLOSE, OPEN, ToolState, choose_grasp, expert_action, target_from_tool
+from tr_grasp.envs.expert import CLOSE, OPEN, ToolState, choose_grasp, expert_action, lift_action, target_from_tool
 from tr_grasp.grasps import Grasp, TopDownGrasps
 
 ACTION, OPENING_M = ActionCfg(), 0.08
 TARGET = np.array([0.5, 0.0, 0.03])
+CENTRE_M = np.array([0.5, 0.0])
 
 
 def tool(position, yaw=0.0, closing=False, opening=OPENING_M, speed=0.0) -> ToolState:
@@ -57,10 +59,15 @@ def test_over_a_thin_object_the_tool_comes_lower_before_it_closes():
     assert thick[4] == CLOSE
 
 
-def test_a_gripper_that_closed_on_nothing_opens_and_rises():
-    action = expert_action(tool(TARGET, closing=True, opening=0.0), Grasp(TARGET, 0.0, 0.05, 0.03), ACTION, OPENING_M)
-    assert action[4] == OPEN
-    assert action[2] > 0
+def test_shut_fingers_rise_as_with_a_rim_between_them_and_open_only_where_the_camera_sees_them():
+    grasp = Grasp(TARGET, 0.0, 0.05, 0.03)
+    low, high = (
+        expert_action(tool(TARGET + np.array([0, 0, up]), closing=True, opening=0.0), grasp, ACTION, OPENING_M)
+        for up in (0.0, 0.09)
+    )
+    np.testing.assert_array_equal(low, lift_action())
+    assert high[4] == OPEN
+    assert high[2] > 0
 
 
 def test_fingers_that_are_still_closing_are_not_opened_because_the_object_was_pushed():
@@ -88,15 +95,57 @@ def test_a_wider_gripper_may_close_farther_beside_the_grasp():
     assert expert_action(beside, grasp, ACTION, 0.11)[4] == CLOSE
 
 
-def test_the_nearer_of_two_equal_grasps_is_chosen():
-    two = TopDownGrasps(np.array([[0.4, 0, 0.03], [0.6, 0, 0.03]]), *np.full((3, 2), 0.04), np.ones(2), np.arange(2))
-    assert choose_grasp(two, tool([0.45, 0, 0.2])) == 0
-    assert choose_grasp(two, tool([0.55, 0, 0.2])) == 1
+def grasps_at(xy, yaw, score=1.0) -> TopDownGrasps:
+    position = np.column_stack([xy, np.full(len(xy), 0.03)])
+    sizes = np.full((2, len(xy)), 0.04)
+    return TopDownGrasps(position, np.asarray(yaw, float), *sizes, np.full(len(xy), score), np.arange(len(xy)))
+
+
+def test_the_nearer_of_two_grasps_as_far_from_the_centre_is_chosen():
+    two = grasps_at([[0.4, 0], [0.6, 0]], [0, 0])
+    assert choose_grasp(two, tool([0.45, 0, 0.2]), CENTRE_M) == 0
+    assert choose_grasp(two, tool([0.55, 0, 0.2]), CENTRE_M) == 1
+
+
+def test_over_the_middle_of_a_book_the_corner_nearest_the_centre_is_chosen_and_kept_on_the_way():
+    middle, arms = np.array([0.56, 0.03]), np.array([[0.05, 0.01], [0.01, -0.05], [-0.05, -0.01], [-0.01, 0.05]])
+    corners = grasps_at(middle + arms, np.zeros(4))
+    wanted = 2  # 14 mm from the centre along x and 20 mm along y
+    assert np.argmin(np.linalg.norm(corners.position[:, :2] - CENTRE_M, axis=1)) == wanted
+    for share in np.linspace(-0.5, 1, 16):
+        assert choose_grasp(corners, tool([*(middle + share * arms[wanted]), 0.2]), CENTRE_M) == wanted
+
+
+@given(
+    quarters=st.integers(0, 3),
+    mirrored=st.booleans(),
+    xy=arrays(float, (5, 2), elements=st.floats(-0.125, 0.125, width=16)),
+    yaws=arrays(float, 5, elements=st.floats(0, 3, width=16)),
+    place=arrays(float, 2, elements=st.floats(-0.125, 0.125, width=16)),
+)
+def test_turned_and_mirrored_scenes_get_the_same_choice(quarters, mirrored, xy, yaws, place):
+    worth = []
+    for turn in (np.eye(2), np.linalg.matrix_power([[0, -1], [1, 0]], quarters) @ np.diag([1, -1 if mirrored else 1])):
+        directions = turn @ np.stack([np.cos(yaws), np.sin(yaws)])
+        grasps = grasps_at(CENTRE_M + xy @ turn.T, np.arctan2(directions[1], directions[0]) % np.pi)
+        closing = turn @ [1, 0]
+        hand = tool([*(CENTRE_M + turn @ place), 0.2], yaw=np.arctan2(closing[1], closing[0]))
+        worth.append(choose_grasp(grasps, hand, CENTRE_M))
+    first, second = worth
+    same = np.allclose(xy[first], xy[second]) and np.isclose(yaws[first], yaws[second])
+    assert first == second or same or are_worth_the_same(xy, yaws, place, first, second)
+
+
+def are_worth_the_same(xy, yaws, place, i, j):
+    """Ties, which rounding may decide either way."""
+    turn = np.abs((yaws + np.pi / 2) % np.pi - np.pi / 2)
+    cost = np.linalg.norm(xy - place, axis=1) / 0.15 + 0.25 * turn + np.linalg.norm(xy, axis=1) / 0.2
+    return np.isclose(cost[i], cost[j])
 
 
 def test_without_a_grasp_there_is_no_choice():
     none = TopDownGrasps(np.zeros((0, 3)), *np.zeros((4, 0)), np.zeros(0, int))
-    assert choose_grasp(none, tool([0.5, 0, 0.2])) is None
+    assert choose_grasp(none, tool([0.5, 0, 0.2]), CENTRE_M) is None
 
 
 def test_the_target_says_where_the_grasp_is_and_how_far_to_turn():

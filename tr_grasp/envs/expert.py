@@ -46,12 +46,11 @@ class ToolState:
 
 
 def choose_grasp(grasps: TopDownGrasps, tool: ToolState, centre_m: Array) -> int | None:
-    """The grasp that is worth most from where the tool is: good, near, with little to turn, and near the centre.
+    """The grasp that is worth most from where the tool is: good, near, with little to turn, and not far out.
 
-    Nearness makes the choice settle as the tool approaches without the expert having to remember anything. By itself it
-    would leave the tool in the middle of a book equally far from all corners, and an imitator, which learns the mean
-    of what it is shown, would stay there for ever. The nearness to the centre decides, whichever way the scene is turned or
-    mirrored.
+    Nearness makes the choice settle as the tool approaches without the expert having to remember anything. Alone it
+    would find all corners of a book equal over its middle, and an imitator, which learns the mean of what it is shown,
+    would stay there for ever. How far out a grasp lies decides, however the scene is turned or mirrored.
 
     Args:
         grasps: To choose from.

@@ -25,6 +25,8 @@ Label = tuple[NDArray[np.float32], NDArray[np.float32]]
 MOVED = 0.004
 """Change of an entry of a pose matrix (metres, or about radians) from which an object has moved."""
 CELL_M, FINE_CELL_M = 0.004, 0.002
+GRASPS_PER_OBJECT_N = 64
+"""Enough for a whole rim: which of many equal grasps were the best dozen, nobody could see and learn."""
 LAST_RESORT = Demands(depth_m=0.005, spare_m=0.003, flatness=0.05, corner_width_m=0.036)
 """Corners of what is wider than the gripper opens, tight fits and low rims: looked for where nothing else is found."""
 
@@ -80,4 +82,5 @@ class ScriptedExpert:
             demands=demands,
             lowest_tcp_m=w.tcp_height_m[0],
             within_m=(centre - half, centre + half),
+            per_object_n=GRASPS_PER_OBJECT_N,
         )
