@@ -81,9 +81,10 @@ def _gather(features: Tensor, reads: Reads) -> Iterator[tuple[slice, slice, Tens
     padded = F.pad(features, (0, 0, 0, 1))
     channels = features.shape[1]
     elements = _CHUNK_ELEMENTS["cpu" if features.device.type == "cpu" else "cuda"]
-    splits = [part.table.split(max(elements // (part.table.shape[1] * channels), 1)) for part in reads.parts]
+    parts = [part for part in reads.parts if len(part.table)]
+    splits = [part.table.split(max(elements // (part.table.shape[1] * channels), 1)) for part in parts]
     memory = features.new_empty(max((tables[0].numel() for tables in splits), default=0) * channels)
-    for part, tables in zip(reads.parts, splits, strict=True):
+    for part, tables in zip(parts, splits, strict=True):
         row, taps = part.first_row, part.table.shape[1]
         columns = slice(part.first_tap * channels, (part.first_tap + taps) * channels)
         for table in tables:
