@@ -18,6 +18,10 @@ MOVING_MPS = 0.02
 """Fingers faster than this are still on their way."""
 WAIT_ABOVE_M = 0.05
 """Fingers less than half open are waited for at this height over a grasp."""
+SHUT_M = 0.004
+"""Fingers as near to each other as this hold nothing, or something so thin that no observation tells which."""
+LOOK_ABOVE_M = 0.08
+"""They are opened only this high over the next grasp, where the camera shows that nothing hangs between them."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,8 @@ def expert_action(tool: ToolState, grasp: Grasp, action: ActionCfg, opening_m: f
     It is a continuous function of the state, so that it can be imitated: a funnel of heights opens over the grasp and
     the tool may only be as low as its sideways error allows. Labels tolerate errors that one camera cannot show;
     stricter ones teach the imitator to hesitate. Slow fingers are waited for: the tool neither lets go while they close
-    nor comes down before they are half open.
+    nor comes down before they are half open. Shut fingers rise before they open, as if a thin rim were between them,
+    because an imitator that lets go of nothing lets go of rims, too.
 
     Args:
         tool: The gripper.
@@ -70,8 +75,8 @@ def expert_action(tool: ToolState, grasp: Grasp, action: ActionCfg, opening_m: f
     offset = grasp.position - tool.position
     turn = float(wrap_half_turn(grasp.yaw_rad - tool.closing_yaw_rad))
     sideways = float(np.hypot(offset[0], offset[1]))
-    if tool.closing and tool.opening_m < 0.004:
-        return _pack(np.array([0.0, 0.0, 1.0]), 0.0, OPEN)
+    if tool.closing and tool.opening_m < SHUT_M:
+        return lift_action() if offset[2] > -LOOK_ABOVE_M else wait_action()
     if tool.closing and tool.opening_speed_mps < -MOVING_MPS:
         return _pack(np.zeros(3), 0.0, CLOSE)
     tolerance = float(np.clip((opening_m - grasp.width_m) / 2 - 0.002, 0.005, 0.012))
