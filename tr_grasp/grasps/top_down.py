@@ -114,7 +114,7 @@ def top_down_grasps(
     lowest_tcp_m: float = 0.012,
     within_m: tuple[ArrayLike, ArrayLike] = ((-np.inf, -np.inf), (np.inf, np.inf)),
     yaws_n: int = 16,
-    per_object_n: int = 12,
+    per_object_n: int = 64,
 ) -> TopDownGrasps:
     """The best grasps of every object that can be reached from above without collision.
 
