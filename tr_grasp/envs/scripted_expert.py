@@ -55,7 +55,7 @@ class ScriptedExpert:
         if tool.holding:
             return lift_action(), no_target()
         grasps = self._plan(object_poses)
-        best = choose_grasp(grasps, tool)
+        best = choose_grasp(grasps, tool, np.array(self._cfg.workspace.centre_m[:2]))
         if best is None:
             return wait_action(), no_target()
         grasp = grasps[best]
