@@ -79,6 +79,10 @@ class ObjectsCfg:
     count_range: tuple[int, int] = (1, 4)
     """Fewest and most objects in an episode."""
 
+    lone_wide_share: float = 0.0
+    """Share of the scenes that hold one object alone, of the families that are wider than a hand; where there are
+    others, those are lifted instead. Only with ``procedural_wide``."""
+
     arrangement: Literal["scattered", "pile", "mixed"] = "scattered"
     """``scattered``: dropped one by one, apart; ``pile``: dropped on top of each other in the middle; ``mixed``: one of
     the two, drawn for each scene."""
@@ -101,6 +105,14 @@ class ObjectsCfg:
         for name in ("diagonal_range_m", "mass_range_kg", "friction_range"):
             low, high = getattr(self, name)
             require(0 < low <= high, f"objects.{name} must be 0 < low <= high, got {(low, high)}")
+        require(
+            0 <= self.lone_wide_share <= 1, f"objects.lone_wide_share must be in [0, 1], got {self.lone_wide_share}"
+        )
+        require(
+            not share or self.source == "procedural_wide",
+            f"objects.lone_wide_share asks for objects of procedural_wide, and objects.source is {self.source!r}; "
+            "choose objects.source procedural_wide or objects.lone_wide_share 0",
+        )
         require(0 < self.spread <= 1, f"objects.spread must be in (0, 1], got {self.spread}")
 
 

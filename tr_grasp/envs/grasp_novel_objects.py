@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 from collections import deque
-from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,6 +28,7 @@ from tr_grasp.envs.outcome import outcome_of
 from tr_grasp.envs.placement import all_inside, drop_poses, inside
 from tr_grasp.envs.rewards import STAGES, completed_stages, reward_terms
 from tr_grasp.envs.robot_bodies import link_bodies
+from tr_grasp.envs.scene_objects import draw_models
 from tr_grasp.envs.scene_view import SceneView
 from tr_grasp.envs.scripted_expert import Label, ScriptedExpert
 from tr_grasp.envs.sensor import OctreeSensor
@@ -36,9 +36,7 @@ from tr_grasp.envs.settling import drop
 from tr_grasp.envs.streams import Stream, stream, uniform_or_middle
 from tr_grasp.errors import ConfigError
 from tr_grasp.grasps import gripper_shape
-from tr_grasp.objects import ObjectSet, object_set
 from tr_grasp.objects.actors import add_object
-from tr_grasp.objects.splits import Overlap
 from tr_grasp.robots import robot_names, robot_spec
 from tr_grasp.robots.agents import (
     CartesianArm,
@@ -54,11 +52,6 @@ COLLECT_GARBAGE_EVERY = 25
 GRAVITY_MPS2 = 9.81
 SCENE_ITERATIONS = 15
 """Solver iterations while objects fall and for an arm that touches nothing."""
-
-
-@lru_cache(maxsize=8)
-def _objects(source: str, split: str, diagonal_range_m: tuple[float, float], overlap: Overlap) -> ObjectSet:
-    return object_set(source, split, diagonal_range_m=diagonal_range_m, overlap=overlap)
 
 
 @register_env("GraspNovelObjects-v1", max_episode_steps=None)
@@ -164,10 +157,8 @@ class GraspNovelObjectsEnv(BaseEnv):
         builder.add_plane_collision(sapien.Pose(q=[0.7071068, 0, -0.7071068, 0]))
         builder.initial_pose = sapien.Pose()
         self._table = builder.build_static("table")
-        chosen = _objects(cfg.source, cfg.split, cfg.diagonal_range_m, cfg.overlap)
-        count = int(rng.integers(cfg.count_range[0], cfg.count_range[1] + 1))
-        self.models = [chosen.sample(rng) for _ in range(count if randomise.object_count else cfg.count_range[1])]
-        self.models = tinted_models(self.cfg, int(self._episode_seed[0]), self.models)
+        drawn = draw_models(cfg, rng, count_is_drawn=randomise.object_count)
+        self.models = tinted_models(self.cfg, int(self._episode_seed[0]), drawn)
         actors = [
             add_object(
                 self.scene,

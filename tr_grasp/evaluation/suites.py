@@ -88,6 +88,7 @@ def objects_from(objects: str, base: ObjectsCfg) -> ObjectsCfg:
     Raises:
         ConfigError: If it is neither a split nor a folder.
     """
+    base = replace(base, lone_wide_share=0.0)  # the suite says how many objects there are
     for split in PROCEDURAL_SPLITS:
         if objects == split:
             return replace(base, source=PROCEDURAL, split=split)
