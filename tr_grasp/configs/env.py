@@ -105,9 +105,8 @@ class ObjectsCfg:
         for name in ("diagonal_range_m", "mass_range_kg", "friction_range"):
             low, high = getattr(self, name)
             require(0 < low <= high, f"objects.{name} must be 0 < low <= high, got {(low, high)}")
-        require(
-            0 <= self.lone_wide_share <= 1, f"objects.lone_wide_share must be in [0, 1], got {self.lone_wide_share}"
-        )
+        share = self.lone_wide_share
+        require(0 <= share <= 1, f"objects.lone_wide_share must be in [0, 1], got {share}")
         require(
             not share or self.source == "procedural_wide",
             f"objects.lone_wide_share asks for objects of procedural_wide, and objects.source is {self.source!r}; "
