@@ -42,6 +42,7 @@ class ScriptedExpert:
 
     def __init__(self, cfg: EnvCfg, look: Callable[[float], HeightMap], gripper: GripperShape) -> None:
         self._cfg, self._look, self._gripper = cfg, look, gripper
+        self._centre_m = np.array(cfg.workspace.centre_m[:2])
         self._planned_for: Array | None = None
 
     def label(self, tool: ToolState, object_poses: Array) -> Label:
@@ -57,7 +58,7 @@ class ScriptedExpert:
         if tool.holding:
             return lift_action(), no_target()
         grasps = self._plan(object_poses)
-        best = choose_grasp(grasps, tool, np.array(self._cfg.workspace.centre_m[:2]))
+        best = choose_grasp(grasps, tool, self._centre_m)
         if best is None:
             return wait_action(), no_target()
         grasp = grasps[best]
@@ -74,13 +75,13 @@ class ScriptedExpert:
 
     def _found(self, poses: Array, demands: Demands, cell_m: float) -> TopDownGrasps:
         w = self._cfg.workspace
-        centre, half = np.array(w.centre_m[:2]), w.side_m / 2
+        half = w.side_m / 2
         return top_down_grasps(
             self._look(cell_m),
             poses[:, :2, 3],
             gripper=self._gripper,
             demands=demands,
             lowest_tcp_m=w.tcp_height_m[0],
-            within_m=(centre - half, centre + half),
+            within_m=(self._centre_m - half, self._centre_m + half),
             per_object_n=GRASPS_PER_OBJECT_N,
         )
