@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from tr_grasp.modules.encoders import default_spec
-from tr_grasp.octree import OctreeFrame, OctreeSpec, octree_from_points
+from tr_grasp.octree import OctreeFrame, OctreeSpec, octrees_from_clouds
 
 SPEC = default_spec()
 
@@ -130,4 +130,4 @@ def tabletop_cloud(rng: np.random.Generator, points_n: int = 1500) -> tuple[NDAr
 def tabletop_frames(frames_n: int, spec: OctreeSpec = SPEC) -> OctreeFrame:
     """Frames ``(frames_n,)`` of about 340 leaves."""
     rng = np.random.default_rng(0)
-    return torch.stack([octree_from_points(*tabletop_cloud(rng), spec) for _ in range(frames_n)])
+    return octrees_from_clouds([tabletop_cloud(rng) for _ in range(frames_n)], spec)

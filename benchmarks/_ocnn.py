@@ -38,12 +38,23 @@ def import_ocnn() -> Any | None:
 
 def build_octree(ocnn: Any, cloud: tuple, spec: OctreeSpec) -> Any:
     """One octree of the cloud's points in the cube."""
+    octree = ocnn.octree.Octree(spec.depth, full_depth=2)
+    octree.build_octree(_points(ocnn, cloud, spec))
+    return octree
+
+
+def build_octrees(ocnn: Any, clouds: list[tuple], spec: OctreeSpec) -> Any:
+    """The octrees of all clouds, merged, built at once: equal to :func:`build_octree` of each and ``merge_octrees``."""
+    octree = ocnn.octree.Octree(spec.depth, full_depth=2, batch_size=len(clouds))
+    octree.build_octree(ocnn.octree.merge_points([_points(ocnn, cloud, spec) for cloud in clouds]))
+    return octree
+
+
+def _points(ocnn: Any, cloud: tuple, spec: OctreeSpec) -> Any:
     points, normals, colours = (torch.from_numpy(array) for array in cloud)
     unit = (points - torch.tensor(spec.centre_m)) * (2 / spec.side_m)
     inside = (unit.abs() < 1).all(1)
-    octree = ocnn.octree.Octree(spec.depth, full_depth=2)
-    octree.build_octree(ocnn.octree.Points(unit[inside], normals[inside], colours[inside]))
-    return octree
+    return ocnn.octree.Points(unit[inside], normals[inside], colours[inside])
 
 
 def merge(ocnn: Any, octrees: list) -> Any:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 import torch
@@ -24,6 +25,7 @@ from tr_grasp.octree import (
     octree_pool,
     octree_to_voxels,
     octree_upsample,
+    octrees_from_clouds,
     random_elements,
     turn_frames,
 )
@@ -52,21 +54,31 @@ def bench_build(batch_n: int) -> None:
     one = timings(*calls, repeats=10 * batch_n)
     print_row("points to stored octree, one cloud", one[0], "ocnn build", one[1] if ocnn is not None else None)
 
-    def ours() -> Tensor:
-        return torch.stack([octree_from_points(*cloud, SPEC) for cloud in clouds])
+    def ours() -> OctreeFrame:
+        return octrees_from_clouds(clouds, SPEC)
 
     if ocnn is None:
         print_row("points to stored octrees", *timings(ours), batch=batch_n)
         return
-    stored, stored_peer, merged, merged_peer = timings(
+
+    def one_by_one() -> Any:
+        return ocnn.octree.merge_octrees([_ocnn.build_octree(ocnn, cloud, SPEC) for cloud in clouds])
+
+    def at_once() -> Any:
+        return _ocnn.build_octrees(ocnn, clouds, SPEC)
+
+    stored, merged, *peers = timings(
         ours,
-        lambda: ocnn.octree.merge_octrees([_ocnn.build_octree(ocnn, cloud, SPEC) for cloud in clouds]),
         lambda: collate(ours()),
-        lambda: _ocnn.merge(ocnn, [_ocnn.build_octree(ocnn, cloud, SPEC) for cloud in clouds]),
+        one_by_one,
+        lambda: one_by_one().construct_all_neigh(),
+        at_once,
+        lambda: at_once().construct_all_neigh(),
     )
-    print_row("points to stored octrees", stored, "ocnn build + merge", stored_peer, batch=batch_n)
-    name = "points to merged octree with neighbours"
-    print_row(name, merged, "ocnn build + merge + neighbours", merged_peer, batch=batch_n)
+    for way, (peer, with_neighbours) in (("build + merge", peers[:2]), ("build at once", peers[2:])):
+        print_row("points to stored octrees", stored, f"ocnn {way}", peer, batch=batch_n)
+        name = "points to merged octree with neighbours"
+        print_row(name, merged, f"ocnn {way} + neighbours", with_neighbours, batch=batch_n)
 
 
 def bench_structure(batch_n: int) -> None:

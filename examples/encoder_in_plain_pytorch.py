@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from tr_grasp.modules import VanillaOCNN
-from tr_grasp.octree import OctreeFrame, OctreeSpec, octree_from_points
+from tr_grasp.octree import OctreeFrame, OctreeSpec, octrees_from_clouds
 
 SPEC = OctreeSpec(origin_m=(0.0, 0.0, 0.0), side_m=0.24, colour=False)
 RADIUS_M = 0.03
@@ -15,11 +15,9 @@ RADIUS_M = 0.03
 def balls(n: int, generator: torch.Generator) -> tuple[OctreeFrame, Tensor]:
     """``n`` octrees of points on a ball, and the balls' centres ``(n, 3)`` [m]."""
     centres = RADIUS_M + torch.rand(n, 3, generator=generator) * (SPEC.side_m - 2 * RADIUS_M)
-    frames = []
-    for centre in centres:
-        normals = nn.functional.normalize(torch.randn(300, 3, generator=generator), dim=1)
-        frames.append(octree_from_points(centre + RADIUS_M * normals, normals, None, SPEC))
-    return torch.stack(frames), centres
+    normals = nn.functional.normalize(torch.randn(n, 300, 3, generator=generator), dim=2)
+    points = centres[:, None] + RADIUS_M * normals
+    return octrees_from_clouds([(*cloud, None) for cloud in zip(points, normals, strict=True)], SPEC), centres
 
 
 class BallFinder(nn.Module):

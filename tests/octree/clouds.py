@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from tr_grasp.octree import OctreeFrame, OctreeSpec, octree_from_points
+from tr_grasp.octree import OctreeFrame, OctreeSpec, octrees_from_clouds
 
 SPEC = OctreeSpec(origin_m=(0.38, -0.12, -0.0075), side_m=0.24)
 
@@ -31,4 +30,4 @@ def random_cloud(seed: int, n: int = 300, spec: OctreeSpec = SPEC, spread: float
 def random_frames(batch_n: int, seed: int = 0, n: int = 300, spec: OctreeSpec = SPEC) -> OctreeFrame:
     """Frames ``(batch_n,)`` with clusters of different sizes."""
     clouds = [random_cloud(seed + i, n, spec, spread=0.4 + 0.6 * i / batch_n) for i in range(batch_n)]
-    return torch.stack([octree_from_points(*cloud, spec) for cloud in clouds])
+    return octrees_from_clouds(clouds, spec)

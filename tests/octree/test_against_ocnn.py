@@ -9,18 +9,18 @@ import pytest
 import torch
 from torch import Tensor
 
-from benchmarks._ocnn import build_octree, import_ocnn, merge
+from benchmarks._ocnn import build_octree, build_octrees, import_ocnn, merge
 from tests.octree.clouds import SPEC, random_cloud
 from tr_grasp.octree import (
     Octree,
     OctreeSpec,
     octree_conv,
     octree_deconv,
-    octree_from_points,
     octree_global_pool,
     octree_pool,
     octree_to_voxels,
     octree_upsample,
+    octrees_from_clouds,
 )
 
 ocnn = import_ocnn()
@@ -32,7 +32,7 @@ IN, OUT = 3, 4
 
 
 def both(node_set: str, spec: OctreeSpec = SPEC, backend: str = "sparse") -> tuple[Octree, object]:
-    frames = torch.stack([octree_from_points(*cloud, spec) for cloud in CLOUDS])
+    frames = octrees_from_clouds(CLOUDS, spec)
     theirs = merge(ocnn, [build_octree(ocnn, cloud, spec) for cloud in CLOUDS])
     return Octree(frames, spec.depth, node_set, backend), theirs
 
@@ -49,6 +49,13 @@ def test_leaves_their_order_and_their_features_agree(node_set: str, depth: int) 
     features = theirs.get_input_feature("NDF", nempty)
     features[:, 3] *= 2 / math.sqrt(3)  # their distance is in half leaf edges
     torch.testing.assert_close(ours.node_features(), features, atol=2e-3, rtol=0)
+
+
+def test_the_two_ways_of_building_a_batch_that_benchmarks_time_agree() -> None:
+    one_by_one = ocnn.octree.merge_octrees([build_octree(ocnn, cloud, SPEC) for cloud in CLOUDS])
+    at_once = build_octrees(ocnn, CLOUDS, SPEC)
+    assert all(map(torch.equal, one_by_one.xyzb(4, True), at_once.xyzb(4, True)))
+    torch.testing.assert_close(one_by_one.get_input_feature("NDF", True), at_once.get_input_feature("NDF", True))
 
 
 def our_operators(octree: Octree) -> dict[str, tuple[int, Callable[..., Tensor]]]:

@@ -14,8 +14,10 @@ from tr_grasp.octree import (
     LeafOverflowWarning,
     OctreeFrame,
     OctreeSpec,
+    build,
     count_octree_from_points,
     octree_from_points,
+    octrees_from_clouds,
 )
 from tr_grasp.octree.morton import encode_cells
 
@@ -141,6 +143,50 @@ def test_what_stays_of_a_full_frame_is_what_a_larger_one_holds_of_these_leaves()
     everything = as_dict(octree_from_points(*cloud, large))
     assert len(everything) == 100 + dropped_n
     assert all(everything[code] == features for code, features in as_dict(frame).items())
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    sizes=st.lists(st.integers(0, 150), max_size=6),
+    chunk=st.sampled_from([1, 200, 10_000]),
+    capacity=st.sampled_from([20, 512]),
+    spread=st.floats(0.1, 1.2),
+)
+def test_a_batch_is_its_clouds_one_by_one(
+    seed: int, sizes: list[int], chunk: int, capacity: int, spread: float
+) -> None:
+    spec = OctreeSpec(SPEC.origin_m, SPEC.side_m, leaf_capacity=capacity)
+    clouds = [random_cloud(seed + index, n, spec, spread) for index, n in enumerate(sizes)]
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        warnings.simplefilter("ignore", LeafOverflowWarning)
+        patch.setattr(build, "CHUNK_POINTS", chunk)
+        frames = octrees_from_clouds(clouds, spec)
+        expected = [octree_from_points(*cloud, spec) for cloud in clouds]
+    assert frames.batch_size == (len(sizes),)
+    for index, frame in enumerate(expected):
+        assert torch.equal(frames.codes[index], frame.codes)
+        assert torch.equal(frames.features[index], frame.features)
+
+
+def test_clouds_of_a_batch_do_not_share_leaves_and_their_opposite_normals_stay_apart() -> None:
+    down = [0.0, 0.0, -1.0]
+    at = [[0.5, 0.5, 0.5]]
+    frames = octrees_from_clouds([(at, [UP], [GREY]), (at * 2, [down, UP], [GREY] * 2)], UNIT)
+    assert frames.codes[:, :2].tolist() == [[0, -1], [0, -1]]
+    assert frames.features[:, 0, :3].tolist() == [UP, down]
+
+
+def test_a_batch_with_a_full_frame_warns() -> None:
+    spec = OctreeSpec(UNIT.origin_m, UNIT.side_m, depth=3, leaf_capacity=1)
+    one, two = ([[[0.5, 0.5, h + 0.5] for h in range(n)], [UP] * n, [GREY] * n] for n in (1, 2))
+    with pytest.warns(LeafOverflowWarning, match="leaf_capacity=1"):
+        assert octrees_from_clouds([one, two], spec).codes.tolist() == [[0], [0]]
+
+
+def test_a_bad_cloud_of_a_batch_is_named() -> None:
+    good = [[[0.5, 0.5, 0.5]], [UP], [GREY]]
+    with pytest.raises(ValueError, match="cloud 1: normals must have shape"):
+        octrees_from_clouds([good, [good[0], [[1.0, 0.0]], good[2]]], UNIT)
 
 
 def test_ignored_points_are_counted() -> None:

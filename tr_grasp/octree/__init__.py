@@ -1,6 +1,12 @@
 """Octrees: points to stored frames, batches of frames to merged octrees, and the operators on them."""
 
-from tr_grasp.octree.build import LeafOverflowWarning, OctreeBuild, count_octree_from_points, octree_from_points
+from tr_grasp.octree.build import (
+    LeafOverflowWarning,
+    OctreeBuild,
+    count_octree_from_points,
+    octree_from_points,
+    octrees_from_clouds,
+)
 from tr_grasp.octree.dense import DenseLevel, DenseOctree
 from tr_grasp.octree.frame import OctreeFrame
 from tr_grasp.octree.layers import OctreeConv, OctreeDeconv, OctreePool
@@ -46,6 +52,7 @@ __all__ = [
     "octree_pool",
     "octree_to_voxels",
     "octree_upsample",
+    "octrees_from_clouds",
     "random_elements",
     "turn_action",
     "turn_frames",
