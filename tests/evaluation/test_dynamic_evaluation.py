@@ -184,6 +184,15 @@ def test_the_report_is_one_page_that_names_everything(records):
         assert word in html
 
 
+@pytest.mark.filterwarnings("error")  # matplotlib warns where a plot has no room left
+@pytest.mark.parametrize("methods_n", [2, 4, 17])
+def test_pictures_have_room_for_every_method(records, methods_n):
+    many = [replace(record, method=f"intercept, variation {i}") for i in range(methods_n) for record in records]
+    html = Report(many, {}, Provenance("tr-grasp dynamic evaluate", started="now", machine="m", versions={})).html()
+    assert ("Success by motion" in html) == (methods_n <= summary.FEW)
+    assert ("Mean time until" in html) == (methods_n > summary.FEW)
+
+
 def test_films_show_failures_and_successes_of_different_kinds(records):
     shown = choose(records, 4)
     assert [record.success for record in shown] == [False, True, False, True]

@@ -16,7 +16,7 @@ from tr_grasp.dynamic.settings import GrasperCfg
 from tr_grasp.evaluation import page
 from tr_grasp.evaluation.dynamic import summary
 from tr_grasp.evaluation.dynamic.thesis import ALL, best
-from tr_grasp.evaluation.plots import DARK, LIGHT, Plot, Theme
+from tr_grasp.evaluation.plots import DARK, LIGHT, Plot, Theme, draw_rates
 from tr_grasp.evaluation.report import differing_settings
 from tr_grasp.evaluation.statistics import Counts, wilson_interval
 from tr_grasp.provenance import Provenance
@@ -85,14 +85,23 @@ class Report:
         return page.page("Grasping what moves", sections)
 
     def _plots(self) -> list[Plot]:
+        records, methods = self.records, summary.grouped(self.records, lambda r: r.method)
+        if len(methods) > summary.FEW:  # more than a plot has colours for
+            rates = {method: _counts(group) for method, group in methods.items()}
+            return [
+                Plot("Success, with 95 % interval", lambda axes, theme: draw_rates(axes, theme, rates), len(rates)),
+                Plot(
+                    "Mean time until the grasp was begun",
+                    lambda axes, theme: draw_mean_times(axes, theme, records),
+                    len(rates),
+                ),
+            ]
         plots = [
-            Plot(
-                "Success by motion; ◇ the thesis' best", lambda axes, theme: draw_motions(axes, theme, self.records), 8
-            )
+            Plot("Success by motion; ◇ the thesis' best", lambda axes, theme: draw_motions(axes, theme, records), 8)
         ]
-        if len({record.speed_m_s for record in self.records}) > 1:
-            plots.append(Plot("Success against speed", lambda axes, theme: draw_speeds(axes, theme, self.records), 8))
-        plots.append(Plot("When the grasp was begun", lambda axes, theme: draw_times(axes, theme, self.records), 8))
+        if len({record.speed_m_s for record in records}) > 1:
+            plots.append(Plot("Success against speed", lambda axes, theme: draw_speeds(axes, theme, records), 8))
+        plots.append(Plot("When the grasp was begun", lambda axes, theme: draw_times(axes, theme, records), 8))
         return plots
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -127,6 +136,18 @@ def draw_motions(axes: Axes, theme: Theme, records: Records) -> None:
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, symbol=" %"))
     axes.grid(axis="x")
     _legend(axes)
+
+
+def draw_mean_times(axes: Axes, theme: Theme, records: Records) -> None:
+    """Mean time of each method until the grasp was begun, over all trials, the first on top."""
+    methods = summary.grouped(records, lambda r: r.method)
+    rows = np.arange(len(methods))
+    times = [summary.Result.of(group).time_s or 0.0 for group in methods.values()]
+    axes.barh(rows, times, height=0.55, color=theme.series[0])
+    axes.set_yticks(rows, list(methods))
+    axes.set_ylim(len(methods) - 0.5, -0.5)
+    axes.set_xlabel("time [s]")
+    axes.grid(axis="x")
 
 
 def draw_speeds(axes: Axes, theme: Theme, records: Records) -> None:
