@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +122,7 @@ class ReachabilityField:
         return self.network(self.network.shape.features(position, rotation))
 
 
+@lru_cache(maxsize=16)  # a method asks at every ranking, and hashing takes 5 ms
 def robot_key(spec: RobotSpec) -> str:
     """What tells models of arms apart: a hash of the URDF, hand included, wherever its meshes are installed."""
     return hashlib.sha256(model_text(spec).encode()).hexdigest()[:32]
