@@ -9,7 +9,7 @@ from tests.dynamic.stations import arm, at, line, scene
 from tr_grasp.dynamic import DynamicGrasper, DynamicMethod, GrasperCfg, GraspOutcome, Phase
 from tr_grasp.dynamic.attempt import Run
 from tr_grasp.dynamic.hopeless import hopeless
-from tr_grasp.dynamic.intercept import Found
+from tr_grasp.dynamic.meeting import Found
 from tr_grasp.errors import ConfigError, GraspError
 from tr_grasp.hardware import Follower, PoseStreamCfg
 from tr_grasp.motion import box

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from tests.dynamic.stations import OBJECT, arm, at, line, parts, scene
 from tr_grasp.dynamic.approach import approach_time_s
 from tr_grasp.dynamic.around import way_around
-from tr_grasp.dynamic.intercept import HALF_TURN, Candidates, InterceptSearch
+from tr_grasp.dynamic.intercept import InterceptSearch
+from tr_grasp.dynamic.meeting import HALF_TURN, Candidates
 from tr_grasp.dynamic.reach_time import least_time, turning_time
 from tr_grasp.dynamic.scene import Scene, hand_links
 from tr_grasp.dynamic.target import Forecast, Target

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tr_grasp.dynamic.attempt import CYCLE_S, Run
-from tr_grasp.dynamic.intercept import HALF_TURN
+from tr_grasp.dynamic.meeting import HALF_TURN
 from tr_grasp.dynamic.method import GraspOutcome, Phase
 from tr_grasp.dynamic.step_out import step_out
 from tr_grasp.dynamic.target import Forecast

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tr_grasp.dynamic.attempt import Run
-from tr_grasp.dynamic.intercept import Found
+from tr_grasp.dynamic.meeting import Found
 from tr_grasp.dynamic.method import GraspOutcome
 from tr_grasp.dynamic.target import Forecast
 

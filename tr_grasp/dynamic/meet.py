@@ -10,7 +10,8 @@ from tr_grasp.dynamic.around import way_around
 from tr_grasp.dynamic.attempt import CYCLE_S, Run
 from tr_grasp.dynamic.course import AFTERWARDS_S
 from tr_grasp.dynamic.hopeless import Ending, hopeless
-from tr_grasp.dynamic.intercept import NORMAL_95, Candidates, Found, InterceptSearch, Meeting
+from tr_grasp.dynamic.intercept import NORMAL_95, InterceptSearch
+from tr_grasp.dynamic.meeting import Candidates, Found, Meeting
 from tr_grasp.dynamic.method import GraspOutcome, Phase
 from tr_grasp.dynamic.reach_time import turning_time
 from tr_grasp.dynamic.target import Forecast
