@@ -95,7 +95,7 @@ HYBRID_MOTIONS: tuple[tuple[str, MotionCfg], ...] = (
     ("random_turns", MotionCfg()),
 )
 """What the hybrid learns from; ``bezier`` and ``two_tone`` are never among it."""
-HYBRID_SPEEDS_M_S = (0.01, 0.07)
+HYBRID_SPEEDS_M_S = (0.01, 0.10)
 HYBRID_HORIZON_S = 2.5
 _LONGEST_S, _QUERIES_N, _HORIZONS_N = 15.0, 20, 4
 
@@ -103,7 +103,7 @@ _LONGEST_S, _QUERIES_N, _HORIZONS_N = 15.0, 20, 4
 def corrections(tracks_n: int, seed: int) -> Iterator[Corrections]:
     """Situations on random tracks, one track at a time.
 
-    A track starts anywhere on a random motion at 1 to 7 cm/s, lasts up to 15 s, and is measured at 5 to 20 Hz, with up
+    A track starts anywhere on a random motion at 1 to 10 cm/s, lasts up to 15 s, and is measured at 5 to 20 Hz, with up
     to 3 mm noise and up to 20 % drop-outs.
     """
     generator, rng = torch.Generator().manual_seed(seed), np.random.default_rng(seed)

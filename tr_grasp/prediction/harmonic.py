@@ -29,9 +29,9 @@ class BankCfg:
 
     slowest_rad_s: float = 0.03
     """One oscillator far below the others, for arcs that hardly bend."""
-    range_rad_s: tuple[float, float] = (0.1, 1.6)
-    """Slowest and fastest of the other oscillators."""
-    oscillators_n: int = 60
+    range_rad_s: tuple[float, float] = (0.1, 2.56)
+    """Slowest and fastest of the other oscillators. The benchmark's sine has 1.9 rad/s at 10 cm/s."""
+    oscillators_n: int = 70
     """How many of those, evenly on a logarithmic scale."""
     sigmas_m: tuple[float, ...] = (1e-4, 1e-3, 3e-3)
     """Levels of measurement noise, standard deviations."""
@@ -58,7 +58,7 @@ class BankCfg:
 
 
 class HarmonicBankPredictor(Predictor):
-    """Line plus oscillation at 61 frequencies, constant velocity and constant acceleration, mixed by their likelihood.
+    """Line plus oscillation at 71 frequencies, constant velocity and constant acceleration, mixed by their likelihood.
 
     Each model is a Kalman filter with four states a axis; the axes share one covariance. A circle, a line and a sine on
     a line are among the models; no training. Off its models (a turn, a start) constant acceleration takes over, because

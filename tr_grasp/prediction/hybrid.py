@@ -25,7 +25,7 @@ SLOWEST_M_S = 2e-3
 FINEST_M = 1e-4
 FURTHEST_S = 3.0
 """Longest horizon that it was trained for; beyond, the filters mix as at that horizon and the deviation grows on."""
-TRAINED_WITH = BankCfg(detuning=0.0)
+TRAINED_WITH = BankCfg()
 """Bank that the shipped weights correct; whoever changes it has to train them again."""
 _BORDERS_RAD_S = (0.2, 0.5, 1.0)
 
