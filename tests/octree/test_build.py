@@ -187,6 +187,8 @@ def test_a_bad_cloud_of_a_batch_is_named() -> None:
     good = [[[0.5, 0.5, 0.5]], [UP], [GREY]]
     with pytest.raises(ValueError, match="cloud 1: normals must have shape"):
         octrees_from_clouds([good, [good[0], [[1.0, 0.0]], good[2]]], UNIT)
+    with pytest.raises(ValueError, match="cloud 0: a cloud is points, normals and colours"):
+        octrees_from_clouds([good[:2]], UNIT)
 
 
 def test_ignored_points_are_counted() -> None:

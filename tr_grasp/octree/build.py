@@ -156,6 +156,8 @@ def _warn_of_dropped_leaves(spec: OctreeSpec) -> None:
 
 def _checked(cloud: Cloud, spec: OctreeSpec) -> list[NDArray[Any]]:
     """Points, normals and, if the spec stores them, colours, each ``(n, 3)``."""
+    if len(cloud) != 3:
+        raise ValueError(f"a cloud is points, normals and colours (or None), got {len(cloud)} of them.")
     names = ("points", "normals", "colours") if spec.colour else ("points", "normals")
     arrays = [_as_numpy(name, values) for name, values in zip(names, cloud, strict=False)]
     points_n = len(arrays[0]) if arrays[0].ndim else 0
