@@ -61,8 +61,8 @@ def bench_build(batch_n: int) -> None:
         print_row("points to stored octrees", *timings(ours), batch=batch_n)
         return
 
-    def one_by_one() -> Any:
-        return ocnn.octree.merge_octrees([_ocnn.build_octree(ocnn, cloud, SPEC) for cloud in clouds])
+    def one_by_one() -> list[Any]:
+        return [_ocnn.build_octree(ocnn, cloud, SPEC) for cloud in clouds]
 
     def at_once() -> Any:
         return _ocnn.build_octrees(ocnn, clouds, SPEC)
@@ -70,8 +70,8 @@ def bench_build(batch_n: int) -> None:
     stored, merged, *peers = timings(
         ours,
         lambda: collate(ours()),
-        one_by_one,
-        lambda: one_by_one().construct_all_neigh(),
+        lambda: ocnn.octree.merge_octrees(one_by_one()),
+        lambda: _ocnn.merge(ocnn, one_by_one()),
         at_once,
         lambda: at_once().construct_all_neigh(),
     )

@@ -31,7 +31,7 @@ CHUNK_POINTS = 16_384
 """Clouds are built together as long as they have no more points than that: enough to share the cost of the calls, and
 few enough for their columns of numbers to stay in the processor's caches (50 000 take three times as long a point)."""
 
-Cloud = tuple["ArrayLike | Tensor", "ArrayLike | Tensor", "ArrayLike | Tensor | None"]
+Cloud = tuple[ArrayLike | Tensor, ArrayLike | Tensor, ArrayLike | Tensor | None]
 """Points, normals and colours, as :func:`octree_from_points` takes them."""
 
 
